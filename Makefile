@@ -1,0 +1,40 @@
+# Two commands do everything: `make run` and `make test`. Each sets up its own environment in .venv.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+OUT ?= out/run
+
+.PHONY: run test lint types layers check benchmark clean
+
+run: $(INSTALLED)  ## the main job on a simulated pass, made on the spot
+	$(BIN)/gaia reconstruct sim:lane-closure --out $(OUT)
+
+test: $(INSTALLED)  ## all tests, with line coverage
+	$(BIN)/pytest -n 2 --cov --cov-report=term:skip-covered --cov-fail-under=90
+
+lint: $(INSTALLED)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(INSTALLED)
+	$(BIN)/mypy
+
+layers: $(INSTALLED)  ## imports go one way
+	$(BIN)/pytest -q tests/test_layers.py
+
+check: lint types test  ## everything that CI runs
+
+benchmark: $(INSTALLED)  ## speed and memory, side by side with SciPy
+	$(BIN)/python benchmarks/solver_speed.py
+	$(BIN)/python benchmarks/solver_scaling.py
+	$(BIN)/python benchmarks/command_time.py
+
+# The stamp is newer than everything that the installation depends on, the compiled part included.
+$(INSTALLED): pyproject.toml setup.py constraints.txt src/gaia_uwb/_solver.c
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) build out src/gaia_uwb/*.so src/*.egg-info

@@ -1,0 +1,404 @@
+"""The command line: the only place that prints, asks and sets exit codes.
+
+Exit codes: 0 done; 1 done, but a result is marked unreliable; 2 bad input or usage, with one line
+on stderr. Heavy modules are imported inside the commands, so that ``gaia --help`` is quick.
+"""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from rich.progress import Progress
+
+    from gaia_uwb.config import PipelineConfig
+    from gaia_uwb.metrics import Metric
+    from gaia_uwb.pipeline import Reconstruction
+
+UNRELIABLE, BAD_INPUT, INTERRUPTED = 1, 2, 130
+
+_Item = TypeVar("_Item")
+
+app = typer.Typer(
+    name="gaia",
+    help="From the log of a drive past a work zone to the cones and the boundary.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+data_app = typer.Typer(help="List, fetch and check data.", no_args_is_help=True)
+app.add_typer(data_app, name="data")
+
+
+class SolverName(StrEnum):
+    """The solvers, as the command line names them."""
+
+    ROBUST = "robust"
+    WLS = "wls"
+
+
+class TableFormat(StrEnum):
+    """File formats of our native tables."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+
+
+SourceArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="SOURCE",
+        help="A folder in GAIA's own format, or NAME[:PART], such as outdoor-uwb:NLOS/B/4 or sim.",
+    ),
+]
+OutOption = Annotated[Path, typer.Option("--out", help="Folder for the results; made if needed.")]
+DataDirOption = Annotated[
+    Path | None,
+    typer.Option(help="Folder that holds the data sets, one sub-folder each [GAIA_DATA_DIR]."),
+]
+ConfigOption = Annotated[
+    Path | None, typer.Option("--config", help="YAML file with settings; options override it.")
+]
+SolverOption = Annotated[SolverName | None, typer.Option(help="How anchors are located.")]
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    if version:
+        from gaia_uwb import __version__
+
+        typer.echo(f"gaia {__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def reconstruct(
+    source: SourceArgument,
+    out: OutOption = Path("out"),
+    denoiser: Annotated[str | None, typer.Option(help="raw, median, kalman, pose-kalman.")] = None,
+    solver: SolverOption = None,
+    config: ConfigOption = None,
+    data_dir: DataDirOption = None,
+) -> None:
+    """Locate the cones and draw the boundary from the log of a drive."""
+    from gaia_uwb.evaluate import reconstruct_and_score
+    from gaia_uwb.files import OutputFolder
+    from gaia_uwb.pipeline import ReconstructionStatus
+    from gaia_uwb.report import write_all
+    from gaia_uwb.sources import load_scenes
+
+    settings = _settings(config, denoiser, solver)
+    OutputFolder(out)
+    scenes = load_scenes(source, data_dir=data_dir)
+    reliable = True
+    with _progress() as progress:
+        for scene in _track(progress, scenes, "reconstruct"):
+            result, metrics = reconstruct_and_score(scene, settings)
+            folder = out if len(scenes) == 1 else out / scene.name.replace("/", "-")
+            paths = write_all(result, folder, metrics)
+            reliable &= result.status is ReconstructionStatus.OK
+            _print_summary(progress, result, metrics, paths)
+    if not reliable:
+        raise typer.Exit(UNRELIABLE)
+
+
+@app.command()
+def simulate(
+    out: Annotated[Path, typer.Option("--out", help="Folder for the passes, one sub-folder each.")],
+    preset: Annotated[str, typer.Option(help="Kind of pass.")] = "lane-closure",
+    episodes: Annotated[int, typer.Option(min=1, help="Number of passes.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="One seed gives the same passes again.")] = 0,
+    table_format: Annotated[
+        TableFormat, typer.Option("--format", help="File format of the tables.")
+    ] = TableFormat.PARQUET,
+) -> None:
+    """Simulate passes along a work zone, in GAIA's own format, with their truth."""
+    from gaia_uwb.config import dump_config
+    from gaia_uwb.datasets.native import write_native
+    from gaia_uwb.errors import ConfigError
+    from gaia_uwb.files import OutputFolder
+    from gaia_uwb.simulate import PRESETS
+    from gaia_uwb.simulate import simulate as passes
+
+    if preset not in PRESETS:
+        raise ConfigError(f"unknown preset {preset!r}; there are {', '.join(PRESETS)}")
+    folder = OutputFolder(out)
+    width = len(str(episodes - 1))
+    with _progress() as progress:
+        task = progress.add_task("simulate", total=episodes)
+        for k, scene in enumerate(passes(PRESETS[preset], episodes, seed)):
+            place = out if episodes == 1 else out / f"pass-{k:0{width}d}"
+            write_native(scene, place, file_format=table_format.value)
+            progress.advance(task)
+    header = f"# gaia {_version()} simulate --preset {preset} --episodes {episodes} --seed {seed}\n"
+    folder.write_text("simulation.yaml", header + dump_config(PRESETS[preset]))
+    typer.echo(f"wrote {episodes} pass{'es' if episodes > 1 else ''} to {out}")
+
+
+@app.command()
+def evaluate(
+    source: SourceArgument,
+    out: OutOption = Path("out"),
+    methods: Annotated[
+        str, typer.Option(help="Denoisers to compare, with commas between.")
+    ] = "raw,median,kalman,pose-kalman",
+    solver: SolverOption = None,
+    length: Annotated[
+        str, typer.Option(help="Steps in a window, or 'whole' for whole runs.")
+    ] = "whole",
+    seed: Annotated[int, typer.Option(min=0, help="Of the bootstrap.")] = 0,
+    true_nlos_labels: Annotated[
+        bool, typer.Option("--true-nlos-labels", help="Give wls the true NLOS labels (the paper).")
+    ] = False,
+    config: ConfigOption = None,
+    data_dir: DataDirOption = None,
+) -> None:
+    """Score denoisers on data with surveyed anchors: results.json, episodes.csv, config.yaml."""
+    import json
+
+    from gaia_uwb.config import dump_config
+    from gaia_uwb.evaluate import episodes_csv, make_test, results_json, score_method
+    from gaia_uwb.files import OutputFolder
+    from gaia_uwb.sources import load_scenes
+
+    settings = _settings(config, None, solver)
+    names = _methods(methods)
+    steps = _length(length)
+    folder = OutputFolder(out)
+    scenes = load_scenes(source, data_dir=data_dir)
+    with _progress() as progress:
+        test = make_test(
+            scenes, steps, settings, each=lambda runs: iter(_track(progress, runs, "prepare"))
+        )
+        scores = [
+            score_method(test, name, settings, true_nlos_labels=true_nlos_labels)
+            for name in _track(progress, names, "score")
+        ]
+    protocol = {
+        "data": source,
+        "split": "none (no method is trained)",
+        "length": length,
+        "solver": settings.solver.kind,
+        "true_nlos_labels": true_nlos_labels,
+        "version": _version(),
+    }
+    results = results_json(scores, test, protocol, seed=seed)
+    folder.write_text("config.yaml", dump_config(settings))
+    folder.write_text("episodes.csv", episodes_csv(scores, test))
+    path = folder.write_text("results.json", json.dumps(results, indent=2, allow_nan=False) + "\n")
+    _print_results(results, path)
+
+
+@data_app.command("list")
+def data_list(data_dir: DataDirOption = None) -> None:
+    """List the data sets that GAIA knows, and whether they are here."""
+    from gaia_uwb.datasets import REGISTRY
+    from gaia_uwb.datasets.fetch import data_folder
+
+    base = data_folder(data_dir)
+    for name, entry in REGISTRY.items():
+        state = "present" if (base / name).is_dir() else "not here"
+        typer.echo(f"{name}  [{state}]  {entry.description}")
+        typer.echo(f"    licence {entry.licence}; {entry.citation}")
+    typer.echo(f"data folder: {base}")
+
+
+@data_app.command("fetch")
+def data_fetch(
+    name: Annotated[str, typer.Argument(help="Name of a data set, see 'gaia data list'.")],
+    data_dir: DataDirOption = None,
+    base_url: Annotated[
+        str | None, typer.Option(help="Address or folder of a mirror of the data set's files.")
+    ] = None,
+) -> None:
+    """Download a data set, file by file, each checked; call it again to go on."""
+    from gaia_uwb.datasets.fetch import fetch
+
+    with _progress() as progress:
+        task = progress.add_task(f"fetch {name}", total=None)
+
+        def show(done: int, total: int) -> None:
+            progress.update(task, completed=done, total=total)
+
+        folder = fetch(name, data_dir, base_url=base_url, progress=show)
+    typer.echo(f"{name} is complete in {folder}")
+
+
+@data_app.command("check")
+def data_check(source: SourceArgument, data_dir: DataDirOption = None) -> None:
+    """Say what a log holds, what is wrong with it and how much of it is usable."""
+    from gaia_uwb.sources import check_source
+
+    reports = check_source(source, data_dir=data_dir)
+    for report in reports:
+        typer.echo("\n".join(report.lines()))
+    if not all(report.readable for report in reports):
+        raise typer.Exit(BAD_INPUT)
+
+
+def main() -> None:
+    """Run the command line; the entry point of ``gaia``."""
+    from gaia_uwb.errors import GaiaError
+
+    try:
+        app()
+    except GaiaError as error:
+        _stop(str(error))
+    except MemoryError:
+        _stop("not enough memory for this log")
+    except OSError as error:
+        _stop(f"{error.filename or 'file system'}: {error.strerror or error}")
+    except KeyboardInterrupt:
+        _stop("interrupted", INTERRUPTED)
+
+
+def _stop(message: str, code: int = BAD_INPUT) -> None:
+    sys.stderr.write(f"gaia: {' '.join(message.split())}\n")
+    sys.exit(code)
+
+
+def _version() -> str:
+    from gaia_uwb import __version__
+
+    return __version__
+
+
+def _settings(
+    config: Path | None, denoiser: str | None, solver: SolverName | None
+) -> PipelineConfig:
+    """Return the settings: defaults, then the file, then the command line."""
+    from gaia_uwb.config import PipelineConfig, load_config
+    from gaia_uwb.denoisers import make_denoiser
+
+    settings = PipelineConfig() if config is None else load_config(config)
+    if denoiser is not None:
+        settings = settings.model_copy(update={"denoiser": denoiser})
+    make_denoiser(settings.denoiser)  # an unknown name is told before any work
+    if solver is not None:
+        kind = settings.solver.model_copy(update={"kind": solver.value})
+        settings = settings.model_copy(update={"solver": kind})
+    return settings
+
+
+def _methods(methods: str) -> list[str]:
+    from gaia_uwb.denoisers import make_denoiser
+    from gaia_uwb.errors import ConfigError
+
+    names = [name.strip() for name in methods.split(",") if name.strip()]
+    if not names or len(set(names)) < len(names):
+        raise ConfigError(f"--methods: expected different denoisers, got {methods!r}")
+    for name in names:
+        make_denoiser(name)
+    return names
+
+
+def _length(length: str) -> int | None:
+    from gaia_uwb.errors import ConfigError
+
+    if length == "whole":
+        return None
+    if not length.isdecimal() or int(length) < 1:
+        raise ConfigError(f"--length: expected a number of steps or 'whole', got {length!r}")
+    return int(length)
+
+
+def _progress() -> Progress:
+    """Return a progress bar on a terminal, nothing elsewhere: results follow as plain lines."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    console = Console(stderr=True)
+    return Bar(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+
+
+def _track(progress: Progress, items: Sequence[_Item], what: str) -> Iterable[_Item]:
+    """Go through items; on a terminal with a bar, in a log with a line for every tenth of them."""
+    task = progress.add_task(what, total=len(items))
+    for k, item in enumerate(items):
+        yield item
+        progress.advance(task)
+        step = max(1, len(items) // 10)
+        if progress.disable and len(items) > 1 and ((k + 1) % step == 0 or k + 1 == len(items)):
+            sys.stderr.write(f"{what}: {k + 1} of {len(items)}\n")
+
+
+def _print_summary(
+    progress: Progress,
+    result: Reconstruction,
+    metrics: Mapping[str, Metric] | None,
+    paths: Sequence[Path],
+) -> None:
+    """Say what was found, how sure it is, and where the files are."""
+    import numpy as np
+
+    clock = result.episode.clock
+    lines = [f"{result.episode.name}: {result.status.value}"]
+    if clock is not None:
+        lines.append(
+            f"  clock offset {clock.applied_s:+.3f} s +- {clock.sigma_s:.3f} s ({clock.reason})"
+        )
+    for anchor in result.anchors:
+        east, north = anchor.position_m
+        worst = float(np.sqrt(np.linalg.eigvalsh(anchor.covariance_m2)[1]))
+        lines.append(
+            f"  anchor {anchor.anchor_id}: east {east:.2f} m, north {north:.2f} m, "
+            f"+- {worst:.2f} m, {anchor.status.value}, {anchor.n_ranges} ranges"
+        )
+    lines.append(f"  boundary: {result.boundary.status.value}, {result.boundary.area_m2:.2f} m^2")
+    if metrics is not None:
+        shown = ("anchor_mae", "polygon_iou", "polygon_hausdorff")
+        found = [
+            f"{n} {metrics[n].value:.3f} {metrics[n].unit}".rstrip() for n in shown if n in metrics
+        ]
+        lines.append(f"  against the survey: {', '.join(found)}")
+    lines += [f"  because {reason}" for reason in result.reasons]
+    lines += [f"  wrote {path}" for path in paths]
+    progress.console.file.flush()
+    typer.echo("\n".join(lines))
+
+
+def _print_results(results: Mapping[str, Any], path: Path) -> None:
+    """Print the paper's six metrics, one line a method."""
+    names = (
+        "distance_mse_overall",
+        "anchor_mae",
+        "polygon_iou",
+        "polygon_hausdorff",
+        "wrong_side_share",
+        "ellipse_coverage_90_aligned",
+    )
+    protocol = results["protocol"]
+    typer.echo(
+        f"{protocol['data']}, length {protocol['length']}, solver {protocol['solver']}: "
+        f"{protocol['episodes']} episodes of {protocol['runs']} runs, "
+        f"{protocol['windows_without_ranges']} windows without ranges left out"
+    )
+    typer.echo("  ".join(["method".ljust(12), *(name.ljust(22)[:27] for name in names)]))
+    for row in results["rows"]:
+        cells = []
+        for name in names:
+            m = row["metrics"].get(name)
+            text = "-" if m is None else f"{m['value']:.4f}"
+            if m is not None and m["ci95"] is not None:
+                text += f" [{m['ci95'][0]:.3f}, {m['ci95'][1]:.3f}]"
+            cells.append(text.ljust(max(22, len(name))))
+        typer.echo("  ".join([row["method"].ljust(12), *cells]))
+    typer.echo(f"wrote {path}")

@@ -1,0 +1,194 @@
+"""Every setting of GAIA: small, strict, frozen models with units in their names.
+
+All defaults live here and nowhere else; they run without any file. Precedence: these defaults,
+then a YAML file, then the command line. An unknown key or an impossible value is an error.
+
+>>> from gaia_uwb.config import PipelineConfig
+>>> PipelineConfig().alignment.max_gap_s
+1.0
+"""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gaia_uwb.errors import ConfigError
+
+
+class _Settings(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class AlignmentConfig(_Settings):
+    """How ranges and trajectory are brought onto one timeline (``alignment.py``)."""
+
+    clock_offset: Literal["auto", "off"] = "auto"
+    """Estimate the offset between the two clocks, or trust both as they are."""
+    max_clock_offset_s: float = Field(default=2.0, ge=0.1, le=60)
+    """Offsets are looked for within plus and minus this."""
+    clock_offset_sigma_s: float = Field(default=0.5, gt=0, le=60)
+    """What is known of the offset beforehand: its standard deviation about 0."""
+    error_correlation_s: float = Field(default=8.0, gt=0, le=600)
+    """Errors of ranges further apart than this are taken as independent."""
+    gate: bool = True
+    """Remove spikes (short bursts far off their neighbours)."""
+    max_gap_s: float = Field(default=1.0, gt=0, le=60)
+    """Between two readings of an anchor at most this far apart, ranges are interpolated
+    (``linear``); a reading serves at most half of this before and after it (``nearest``)."""
+    max_pose_gap_s: float = Field(default=1.5, gt=0, le=60)
+    """Between two samples of the trajectory at most this far apart, poses are interpolated."""
+    resample: Literal["linear", "nearest"] = "linear"
+    """How a range is carried from its own time to the timeline."""
+
+
+class CalibrationConfig(_Settings):
+    """How the radios' range bias is estimated from a whole log (``calibration.py``)."""
+
+    range_bias: Literal["auto", "off"] = "auto"
+    """Estimate and subtract the bias that all anchors share, or take ranges as they are."""
+    bias_sigma_m: float = Field(default=0.2, ge=0, le=10)
+    """Bias at 10 m: prior standard deviation about 0."""
+    bias_slope_sigma_m: float = Field(default=0.25, ge=0, le=10)
+    """Growth of the bias with every factor of ten in range: prior standard deviation about 0."""
+
+
+class SolverConfig(_Settings):
+    """How anchors are located from their ranges (``locate.py``)."""
+
+    kind: Literal["robust", "wls"] = "robust"
+    """``robust``: ours, no labels. ``wls``: the paper's weighted least squares."""
+    min_ranges: int = Field(default=4, ge=3)
+    """An anchor with fewer usable ranges is not located."""
+    student_t_dof: float = Field(default=4.0, ge=1.0, le=100.0)
+    """Tails of the errors: degrees of freedom of the Student-t."""
+    error_correlation_s: float = Field(default=8.0, gt=0, le=600)
+    """Errors of ranges further apart than this are taken as independent."""
+    anchor_bias_sigma_m: float = Field(default=0.05, ge=0, le=10)
+    """Range bias of an anchor beside what all share (antenna delay): prior standard deviation."""
+    position_floor_m: float = Field(default=0.025, ge=0, le=10)
+    """What no number of ranges improves (antenna phase centres, survey): standard deviation."""
+    ill_conditioned_above_m: float = Field(default=2.0, gt=0)
+    """An anchor whose standard deviation along the worst direction exceeds this is flagged."""
+
+
+class SidesConfig(_Settings):
+    """How mirror sides are decided jointly over the anchors of a scene (``sides.py``)."""
+
+    joint: bool = True
+    """Decide jointly; otherwise each anchor takes the side that fits its own ranges better."""
+    ambiguous_above: float = Field(default=0.05, gt=0, lt=0.5)
+    """An anchor whose mirror image keeps more than this probability is called ambiguous."""
+
+
+class PipelineConfig(_Settings):
+    """Everything that a reconstruction depends on besides the log."""
+
+    denoiser: str = "pose-kalman"
+    """Name of the denoiser (``gaia_uwb.denoisers``)."""
+    alignment: AlignmentConfig = AlignmentConfig()
+    calibration: CalibrationConfig = CalibrationConfig()
+    solver: SolverConfig = SolverConfig()
+    sides: SidesConfig = SidesConfig()
+
+
+def load_config(path: Path) -> PipelineConfig:
+    """Read settings from a YAML file; what it leaves out keeps its default.
+
+    Parameters
+    ----------
+    path
+        A YAML file that mirrors :class:`PipelineConfig`; an empty one gives the defaults.
+
+    Returns
+    -------
+    PipelineConfig
+        All settings.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, is not YAML, holds an unknown key or an impossible value.
+    """
+    import yaml
+
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
+        # A ValueError: not UTF-8, or an impossible date; a RecursionError: nested beyond reason.
+        reason = " ".join(str(error).split())
+        raise ConfigError(f"{path}: cannot read settings: {reason}") from error
+    return make_config({} if content is None else content, source=str(path))
+
+
+def make_config(content: Any, *, source: str = "settings") -> PipelineConfig:
+    """Build settings from plain values, with every problem in one line.
+
+    Parameters
+    ----------
+    content
+        A mapping that mirrors :class:`PipelineConfig`.
+    source
+        What to call it in an error's message.
+
+    Returns
+    -------
+    PipelineConfig
+        All settings.
+
+    Raises
+    ------
+    ConfigError
+        If ``content`` is no mapping, holds an unknown key or an impossible value.
+
+    Examples
+    --------
+    >>> make_config({"alignment": {"max_gap_s": 0.5}}).alignment.max_gap_s
+    0.5
+    >>> make_config({"denoisr": "raw"})
+    Traceback (most recent call last):
+        ...
+    gaia_uwb.errors.ConfigError: settings: denoisr: unknown key
+    """
+    try:
+        return PipelineConfig.model_validate(content)
+    except ValidationError as error:
+        problems = "; ".join(_problem(details) for details in error.errors())
+        raise ConfigError(f"{source}: {problems}") from error
+
+
+def _problem(details: Mapping[str, Any]) -> str:
+    """Say in words what pydantic found wrong with one setting."""
+    place = ".".join(map(str, details["loc"])) or "top level"
+    if details["type"] == "extra_forbidden":
+        return f"{place}: unknown key"
+    expected = details["msg"][:1].lower() + details["msg"][1:]
+    return f"{place}: {expected}, got {reprlib.repr(details['input'])}"
+
+
+def dump_config(config: BaseModel) -> str:
+    """Return settings as YAML text that :func:`load_config` reads back.
+
+    Parameters
+    ----------
+    config
+        Any settings.
+
+    Returns
+    -------
+    str
+        Every setting, also those that keep their default.
+
+    Examples
+    --------
+    >>> print(dump_config(SidesConfig()), end="")
+    joint: true
+    ambiguous_above: 0.05
+    """
+    import yaml
+
+    return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False)

@@ -1,0 +1,388 @@
+"""GAIA's own format: a folder with two tables, and up to two more files.
+
+==================  ================================================================================
+``trajectory.csv``  ``t_s`` and ``east_m,north_m[,up_m]`` or ``lat,lon[,alt_m]``
+``ranges.csv``      ``t_s,anchor_id,range_m[,rssi_dbm][,rssi_fp_dbm][,true_range_m][,nlos]``
+``anchors.csv``     optional: ``anchor_id[,up_m]`` and, where surveyed, ``east_m,north_m`` or
+                    ``lat,lon[,alt_m]``
+``scene.yaml``      optional: ``name``, ``frame`` (``lat_deg``, ``lon_deg``, ``alt_m``) and
+                    ``clock_offset_s`` (the true one, where a simulator knows it)
+==================  ================================================================================
+
+Each table may be ``.parquet`` instead of ``.csv``. Seconds, metres, degrees, dBm; text is UTF-8.
+Positions are those of the tag's antenna. Without ``frame``, a trajectory in ``lat,lon`` takes its
+first sample as the local frame's origin. Heights (``up_m``) count from that origin. A height or a
+surveyed place that is not known is an empty cell.
+
+What was surveyed or simulated (places, ``true_range_m``, ``nlos``) becomes the scene's truth, which
+only scores read. Rows of ranges may come in any order, for logs merge several radios; a trajectory
+that goes back in time is an error. Columns that are not named above are ignored.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gaia_uwb._typing import Array, Float64, Int64
+from gaia_uwb.datasets import _plausible
+from gaia_uwb.datasets._cells import Kind
+from gaia_uwb.datasets._places import Places, first_place, place_kinds, to_places
+from gaia_uwb.datasets._table import Table, read_names, read_table
+from gaia_uwb.errors import InputError, SourceError
+from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory, Truth
+
+_SCENE_FILE = "scene.yaml"
+_TABLES = ("trajectory", "ranges", "anchors")
+_SUFFIXES = (".csv", ".parquet")
+_OUR_FILES = (*(table + suffix for table in _TABLES for suffix in _SUFFIXES), _SCENE_FILE)
+_MAX_SCENE_FILE_BYTES = 2**20
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class _FrameContent(_Strict):
+    lat_deg: float = Field(ge=-90, le=90)
+    lon_deg: float = Field(ge=-180, le=180)
+    alt_m: float = Field(default=0.0, ge=-1e5, le=1e5)
+
+
+class _SceneContent(_Strict):
+    name: str | None = None
+    frame: _FrameContent | None = None
+    clock_offset_s: float | None = None
+
+
+@dataclass(frozen=True)
+class _Anchors:
+    """The anchors of the anchors table, then those that only the ranges know."""
+
+    table: Table | None
+    ids: tuple[str, ...]
+    position_m: Float64[Array, "N 2"]
+    up_m: Float64[Array, "N"] | None
+
+
+def is_native(folder: Path) -> bool:
+    """Tell whether a folder holds a trajectory table, as every scene in this format does."""
+    return any((folder / f"trajectory{suffix}").is_file() for suffix in _SUFFIXES)
+
+
+def read_native(folder: Path) -> Scene:
+    """Read a scene in GAIA's own format.
+
+    Parameters
+    ----------
+    folder
+        Folder with the files that this module's text describes.
+
+    Raises
+    ------
+    SourceError
+        If there is no such folder.
+    InputError
+        If a table is missing, or a file does not hold what it must hold: the message names the
+        file, the row and the column.
+    """
+    return read_with_notes(folder)[0]
+
+
+def read_with_notes(folder: Path) -> tuple[Scene, tuple[str, ...]]:
+    """Read a scene like :func:`read_native`, and say what was put up with on the way.
+
+    Parameters
+    ----------
+    folder
+        Folder with the files that this module's text describes.
+
+    Returns
+    -------
+    Scene
+        The scene.
+    tuple of str
+        One note per thing that a careful user would want to know, none if all is plain.
+
+    Raises
+    ------
+    SourceError, InputError
+        Like :func:`read_native`.
+    """
+    if not folder.is_dir():
+        raise SourceError(f"{folder}: no such folder")
+    content = _read_scene_file(folder / _SCENE_FILE)
+    drive = _read_trajectory(_need(folder, "trajectory"))
+    frame = LocalFrame(**dict(content.frame)) if content.frame else first_place(drive)
+    places = to_places(drive, frame)
+    ranges = _read_ranges(_need(folder, "ranges"), drive, places)
+    anchors = _read_anchors(_find(folder, "anchors"), frame, ranges.labels["anchor_id"])
+    # Logs merge several radios, so that their rows need not be in the order of time.
+    order = np.argsort(ranges["t_s"], kind="stable")
+    scene = Scene(
+        name=folder.resolve().name if content.name is None else content.name,
+        trajectory=Trajectory(t_s=drive["t_s"], position_m=places.position_m, up_m=places.up_m),
+        ranges=_range_log(ranges, order, anchors.ids),
+        anchor_ids=anchors.ids,
+        anchor_up_m=anchors.up_m,
+        frame=frame,
+        truth=_truth(ranges, order, anchors, content.clock_offset_s),
+    )
+    return scene, tuple(_notes(scene, drive, ranges, anchors))
+
+
+def write_native(
+    scene: Scene, folder: Path, file_format: Literal["csv", "parquet"] = "csv"
+) -> None:
+    """Write a scene in GAIA's own format; :func:`read_native` gives back an equal one.
+
+    All files are written beside their place first and then renamed, the trajectory last: a folder
+    without one is no scene, so that an interruption leaves no half of one. Other files in the
+    folder stay; a scene that it holds already is replaced.
+
+    Parameters
+    ----------
+    scene
+        What to write.
+    folder
+        Where; made if needed, with the folders above it.
+    file_format
+        Of the tables.
+
+    Raises
+    ------
+    SourceError
+        If the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from gaia_uwb.scene import RangeLog, Scene, Trajectory
+    >>> drive = Trajectory(np.array([0.0, 1.0]), np.array([[0.0, 0.0], [10.0, 0.5]]))
+    >>> log = RangeLog(np.array([0.2]), np.array([0]), np.array([12.5]))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_native(Scene("pass", drive, log, ("cone-1",)), Path(folder))
+    ...     print((Path(folder) / "ranges.csv").read_text(), end="")
+    t_s,anchor_id,range_m
+    0.2,cone-1,12.5
+    """
+    new = folder / f".{os.getpid()}.partial"
+    try:
+        new.mkdir(parents=True)
+        (new / _SCENE_FILE).write_text(_scene_file(scene), encoding="utf-8")
+        for table, columns in _tables(scene).items():
+            _write_table(columns, new / f"{table}.{file_format}")
+        for name in _OUR_FILES:  # the trajectory goes first and comes last
+            (folder / name).unlink(missing_ok=True)
+        for path in sorted(new.iterdir()):
+            path.rename(folder / path.name)
+    except OSError as error:
+        raise SourceError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+
+
+# Reading -----------------------------------------------------------------------------------------
+
+
+def _find(folder: Path, table: str) -> Path | None:
+    """Return the file that holds a table, if there is one."""
+    paths = [folder / f"{table}{suffix}" for suffix in _SUFFIXES]
+    found = [path for path in paths if path.exists()]
+    if len(found) > 1:
+        raise InputError(f"has both {found[0].name} and {found[1].name}: keep one", source=folder)
+    return found[0] if found else None
+
+
+def _need(folder: Path, table: str) -> Path:
+    path = _find(folder, table)
+    if path is None:
+        raise InputError(f"has no {table}.csv or {table}.parquet", source=folder)
+    return path
+
+
+def _read_scene_file(path: Path) -> _SceneContent:
+    if not path.exists():
+        return _SceneContent()
+    import yaml
+
+    try:
+        if path.stat().st_size > _MAX_SCENE_FILE_BYTES:
+            raise InputError("is too large for a description of a scene", source=path)
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return _SceneContent.model_validate({} if content is None else content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"]))
+        raise InputError(f"{key or 'top level'}: {first['msg']}", source=path) from error
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(f"cannot be read: {reason}", source=path) from error
+
+
+def _read_trajectory(path: Path) -> Table:
+    places, heights = place_kinds(path, Kind.NUMBER)
+    if not places:
+        names = ", ".join(map(repr, read_names(path)))
+        problem = f"expected the columns east_m,north_m or lat,lon, got {names[:200]}"
+        raise InputError(problem, source=path)
+    table = read_table(path, {"t_s": Kind.NUMBER, **places}, heights)
+    _plausible.check_seconds(table)
+    _plausible.check_timeline(table)
+    return table
+
+
+def _read_ranges(path: Path, drive: Table, places: Places) -> Table:
+    needed = {"t_s": Kind.NUMBER, "anchor_id": Kind.TEXT, "range_m": Kind.NUMBER}
+    signal = {"rssi_dbm": Kind.OPTIONAL, "rssi_fp_dbm": Kind.OPTIONAL}
+    table = read_table(path, needed, {**signal, "true_range_m": Kind.OPTIONAL, "nlos": Kind.FLAG})
+    _plausible.check_seconds(table)
+    _plausible.check_unique_readings(table)
+    _plausible.check_one_drive(table, drive, places.position_m)
+    return table
+
+
+def _read_anchors(path: Path | None, frame: LocalFrame | None, ranged: tuple[str, ...]) -> _Anchors:
+    """Read the anchors table, if there is one, and append the anchors that only have ranges."""
+    if path is None:
+        ids = tuple(sorted(ranged, key=_natural_key))
+        return _Anchors(None, ids, np.full((len(ids), 2), np.nan), None)
+    survey, heights = place_kinds(path, Kind.OPTIONAL)
+    optional = {"up_m": Kind.OPTIONAL, **heights}
+    table = read_table(path, {"anchor_id": Kind.TEXT, **survey}, optional)
+    codes, labels = table["anchor_id"], table.labels["anchor_id"]
+    listed = tuple(labels[code] for code in codes)
+    if len(labels) < len(listed):
+        index = next(k for k, label in enumerate(listed) if label in listed[:k])
+        raise table.error(f"{listed[index]!r} is here twice", index=index, column="anchor_id")
+    places = to_places(table, frame)
+    ids = listed + tuple(sorted(set(ranged) - set(listed), key=_natural_key))
+    more = (0, len(ids) - len(listed))
+    up_m = None if places.up_m is None else np.pad(places.up_m, more, constant_values=np.nan)
+    return _Anchors(
+        table, ids, np.pad(places.position_m, (more, (0, 0)), constant_values=np.nan), up_m
+    )
+
+
+def _natural_key(anchor_id: str) -> tuple[Any, ...]:
+    """Return a key that sorts ``cone-9`` before ``cone-10``."""
+    words = re.split("([0-9]+)", anchor_id)
+    numbers = [word.lstrip("0") for word in words[1::2]]
+    words[1::2] = [f"{len(number):06d}{number}" for number in numbers]
+    return (*words, anchor_id)
+
+
+def _range_log(ranges: Table, order: Int64[Array, "R"], ids: tuple[str, ...]) -> RangeLog:
+    index_of = {anchor_id: index for index, anchor_id in enumerate(ids)}
+    indices = np.array([index_of[label] for label in ranges.labels["anchor_id"]])
+    return RangeLog(
+        t_s=ranges["t_s"][order],
+        anchor=indices[ranges["anchor_id"]][order],
+        range_m=ranges["range_m"][order],
+        rssi_dbm=_column(ranges, "rssi_dbm", order),
+        rssi_fp_dbm=_column(ranges, "rssi_fp_dbm", order),
+    )
+
+
+def _truth(
+    ranges: Table, order: Int64[Array, "R"], anchors: _Anchors, clock_offset_s: float | None
+) -> Truth | None:
+    if not np.isfinite(anchors.position_m).all():
+        return None
+    return Truth(
+        anchor_m=anchors.position_m,
+        nlos=_column(ranges, "nlos", order),
+        range_m=_column(ranges, "true_range_m", order),
+        clock_offset_s=clock_offset_s,
+    )
+
+
+def _column(table: Table, name: str, order: Int64[Array, "R"]) -> Array | None:
+    values = table.get(name)
+    return None if values is None else values[order]
+
+
+def _notes(scene: Scene, drive: Table, ranges: Table, anchors: _Anchors) -> Iterator[str]:
+    """Yield what a user should know about files that were read without an error."""
+    for table in (drive, ranges, anchors.table):
+        if table is not None and table.unknown:
+            yield f"{table.path.name}: columns not used: {', '.join(table.unknown)}"
+    n_late = int((np.diff(ranges["t_s"]) < 0).sum())
+    if n_late:
+        yield f"{ranges.path.name}: {n_late} rows come before their predecessors in time: sorted"
+    n_listed = 0 if anchors.table is None else len(anchors.table)
+    if anchors.table is not None and n_listed < scene.n_anchors:
+        missing = ", ".join(anchors.ids[n_listed:])
+        yield f"{anchors.table.path.name}: lacks {missing}, so that their heights are unknown"
+    n_surveyed = int(np.isfinite(anchors.position_m).all(axis=1).sum())
+    labelled = sorted({"true_range_m", "nlos"} & set(ranges.columns))
+    if 0 < n_surveyed < scene.n_anchors:
+        yield f"only {n_surveyed} of {scene.n_anchors} anchors are surveyed: there is no truth"
+    elif labelled and not n_surveyed:
+        yield f"{ranges.path.name}: {', '.join(labelled)} not used, for no anchor is surveyed"
+
+
+# Writing -----------------------------------------------------------------------------------------
+
+
+def _write_table(columns: Mapping[str, Any], path: Path) -> None:
+    import polars as pl
+
+    frame = pl.DataFrame(columns, nan_to_null=True)
+    if path.suffix == ".csv":
+        frame.write_csv(path)
+    else:
+        frame.write_parquet(path)
+
+
+def _tables(scene: Scene) -> dict[str, dict[str, Any]]:
+    """Return the tables of a scene: name -> column -> values, without columns that it lacks."""
+    import polars as pl
+
+    drive, ranges, truth = scene.trajectory, scene.ranges, scene.truth
+    tables: dict[str, dict[str, Any]] = {
+        "trajectory": {
+            "t_s": drive.t_s,
+            "east_m": drive.position_m[:, 0],
+            "north_m": drive.position_m[:, 1],
+            "up_m": drive.up_m,
+        },
+        "ranges": {
+            "t_s": ranges.t_s,
+            "anchor_id": pl.Series(scene.anchor_ids).gather(ranges.anchor),
+            "range_m": ranges.range_m,
+            "rssi_dbm": ranges.rssi_dbm,
+            "rssi_fp_dbm": ranges.rssi_fp_dbm,
+            "true_range_m": None if truth is None else truth.range_m,
+            "nlos": None if truth is None else truth.nlos,
+        },
+        "anchors": {
+            "anchor_id": scene.anchor_ids,
+            "up_m": scene.anchor_up_m,
+            "east_m": None if truth is None else truth.anchor_m[:, 0],
+            "north_m": None if truth is None else truth.anchor_m[:, 1],
+        },
+    }
+    return {
+        table: {name: values for name, values in columns.items() if values is not None}
+        for table, columns in tables.items()
+    }
+
+
+def _scene_file(scene: Scene) -> str:
+    import yaml
+
+    content: dict[str, Any] = {"name": scene.name}
+    if scene.frame is not None:
+        content["frame"] = asdict(scene.frame)
+    if scene.truth is not None and scene.truth.clock_offset_s is not None:
+        content["clock_offset_s"] = scene.truth.clock_offset_s
+    return yaml.safe_dump(content, sort_keys=False)

@@ -1,0 +1,349 @@
+"""What alignment makes of a Scene: an Episode on one timeline, and what a denoiser makes of it.
+
+A reading that is missing, gated or too far from its neighbours is NaN and not ``valid``; every
+other number is finite. ``Episode.window`` and ``Episode.windows`` cut a run into shorter episodes
+without copying it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gaia_uwb._checks import (
+    check_finite,
+    check_heights,
+    check_ids,
+    check_increasing,
+    check_shape,
+    freeze,
+)
+from gaia_uwb._typing import Array, Bool, Float64
+from gaia_uwb.errors import InputError
+from gaia_uwb.scene import LocalFrame
+
+
+@dataclass(frozen=True)
+class ClockOffset:
+    """How far the radio's clock is off the trajectory's, and how well that is known.
+
+    Parameters
+    ----------
+    offset_s
+        A range stamped t belongs to the trajectory at ``t - offset_s``.
+    sigma_s
+        Standard deviation of what remains between the clocks: of the estimate where it is applied,
+        of what was left uncorrected where it is not.
+    applied
+        Whether the ranges were shifted by it.
+    reason
+        Why it was or was not applied, in words.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite, or ``sigma_s`` is negative.
+    """
+
+    offset_s: float
+    sigma_s: float
+    applied: bool
+    reason: str
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.offset_s) and np.isfinite(self.sigma_s) and self.sigma_s >= 0):
+            raise InputError(
+                f"expected a finite offset and a sigma of at least 0, got {self.offset_s} and "
+                f"{self.sigma_s}",
+                column="clock",
+            )
+
+    @property
+    def applied_s(self) -> float:
+        """The shift that the ranges really got, in seconds."""
+        return self.offset_s if self.applied else 0.0
+
+
+@dataclass(frozen=True)
+class RangeCalibration:
+    """What a whole log tells of its radios' errors, without any truth (``calibration.py``).
+
+    The bias (measured minus true) of a range d is ``b0 + b1 log10(d / 10 m)``.
+
+    Parameters
+    ----------
+    bias : (2,)
+        b0 in metres and b1 in metres per factor of ten.
+    covariance : (2, 2)
+        Covariance of ``bias``.
+    sigma_m
+        Robust standard deviation of the errors that are left.
+    correlation
+        How many neighbouring ranges are worth one: the errors' correlation summed over time, in
+        steps of the timeline, at least 1.
+
+    Raises
+    ------
+    InputError
+        If shapes are wrong, a number is not finite, ``sigma_m`` is not above 0 or ``correlation``
+        is below 1.
+    """
+
+    bias: Float64[Array, "2"]
+    covariance: Float64[Array, "2 2"]
+    sigma_m: float
+    correlation: float
+
+    def __post_init__(self) -> None:
+        for name, shape in (("bias", (2,)), ("covariance", (2, 2))):
+            array = freeze(self, name, getattr(self, name), np.float64)
+            check_shape(name, array, shape)
+            check_finite(name, array)
+        if not (0 < self.sigma_m < np.inf and 1 <= self.correlation < np.inf):
+            raise InputError(
+                "expected sigma_m above 0 and correlation of at least 1, got "
+                f"{self.sigma_m} and {self.correlation}",
+                column="calibration",
+            )
+
+    def bias_m(self, range_m: Float64[Array, "*shape"]) -> Float64[Array, "*shape"]:
+        """Return the bias of ranges of this length, in metres; NaN stays NaN."""
+        return np.asarray(bias_basis(range_m) @ self.bias)
+
+
+def bias_basis(range_m: Float64[Array, "*shape"]) -> Float64[Array, "*shape 2"]:
+    """Return (1, log10(d / 10 m)) of ranges in metres; below 0.5 m it stays as it is there."""
+    decades = np.log10(np.maximum(range_m, 0.5) / 10.0)
+    return np.stack([np.ones_like(decades), decades], axis=-1)
+
+
+@dataclass(frozen=True)
+class EpisodeTruth:
+    """The truth on an episode's timeline; scores read it, reconstructions never do.
+
+    Parameters
+    ----------
+    anchor_m : (N, 2)
+        True east and north of the anchors, in metres.
+    range_m : (T, N)
+        True slant range at every step, in metres.
+    nlos : (T, N)
+        True where there was no line of sight.
+
+    Raises
+    ------
+    InputError
+        If shapes disagree or a number is not finite.
+    """
+
+    anchor_m: Float64[Array, "N 2"]
+    range_m: Float64[Array, "T N"]
+    nlos: Bool[Array, "T N"]
+
+    def __post_init__(self) -> None:
+        anchor_m = freeze(self, "anchor_m", self.anchor_m, np.float64)
+        range_m = freeze(self, "range_m", self.range_m, np.float64)
+        if range_m.ndim != 2:
+            raise InputError(f"expected shape (T, N), got {range_m.shape}", column="truth.range_m")
+        check_shape("truth.anchor_m", anchor_m, (range_m.shape[1], 2))
+        check_finite("truth.anchor_m", anchor_m)
+        check_finite("truth.range_m", range_m)
+        check_shape("truth.nlos", freeze(self, "nlos", self.nlos, np.bool_), range_m.shape)
+
+
+@dataclass(frozen=True)
+class Episode:
+    """Ranges to N anchors on one timeline of T steps, with the path of the tag's antenna.
+
+    Parameters
+    ----------
+    name
+        What to call it in messages and results.
+    anchor_ids
+        Unique names of the N anchors.
+    t_s : (T,)
+        Strictly increasing time of the trajectory's clock, in seconds.
+    position_m : (T, 2)
+        East and north of the tag's antenna, in metres.
+    range_m : (T, N)
+        Measured slant ranges, in metres; NaN where not valid.
+    valid : (T, N)
+        True where ``range_m`` may be used.
+    tag_up_m : (T,), optional
+        Height of the tag's antenna in the local frame, in metres.
+    anchor_up_m : (N,), optional
+        Heights of the anchors' antennas in the local frame, in metres; NaN where unknown.
+    frame
+        Ties the local frame to WGS84, where known.
+    clock
+        The clock offset that the alignment found.
+    calibration
+        What the calibration found of the radios' errors; its bias is subtracted from ``range_m``.
+    truth
+        The truth on this timeline, for scores only.
+
+    Raises
+    ------
+    InputError
+        If ids are empty or not unique, shapes disagree, time does not increase, a position or
+        height is not finite, or ranges are not finite exactly where ``valid``.
+    """
+
+    name: str
+    anchor_ids: tuple[str, ...]
+    t_s: Float64[Array, "T"]
+    position_m: Float64[Array, "T 2"]
+    range_m: Float64[Array, "T N"]
+    valid: Bool[Array, "T N"]
+    tag_up_m: Float64[Array, "T"] | None = None
+    anchor_up_m: Float64[Array, "N"] | None = None
+    frame: LocalFrame | None = None
+    clock: ClockOffset | None = None
+    calibration: RangeCalibration | None = None
+    truth: EpisodeTruth | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        where = self.name
+        check_ids(self.anchor_ids, source=where)
+        t_s = freeze(self, "t_s", self.t_s, np.float64)
+        if t_s.ndim != 1 or not len(t_s):
+            raise InputError("expected at least one step, got none", source=where, column="t_s")
+        check_finite("t_s", t_s, source=where)
+        check_increasing("t_s", t_s, strictly=True, source=where)
+        shape = (len(t_s), len(self.anchor_ids))
+        position_m = freeze(self, "position_m", self.position_m, np.float64)
+        check_shape("position_m", position_m, (len(t_s), 2), source=where)
+        check_finite("position_m", position_m, source=where)
+        range_m = freeze(self, "range_m", self.range_m, np.float64)
+        valid = freeze(self, "valid", self.valid, np.bool_)
+        check_shape("range_m", range_m, shape, source=where)
+        check_shape("valid", valid, shape, source=where)
+        if not np.array_equal(np.isfinite(range_m), valid):
+            problem = "expected finite ranges exactly where valid"
+            raise InputError(problem, source=where, column="range_m")
+        if self.tag_up_m is not None:
+            tag_up_m = freeze(self, "tag_up_m", self.tag_up_m, np.float64)
+            check_shape("tag_up_m", tag_up_m, t_s.shape, source=where)
+            check_finite("tag_up_m", tag_up_m, source=where)
+        if self.anchor_up_m is not None:
+            up = freeze(self, "anchor_up_m", self.anchor_up_m, np.float64)
+            check_heights("anchor_up_m", up, shape[1], source=where)
+        if self.truth is not None:
+            check_shape("truth.range_m", self.truth.range_m, shape, source=where)
+
+    @property
+    def n_steps(self) -> int:
+        """Number of steps T."""
+        return len(self.t_s)
+
+    @property
+    def n_anchors(self) -> int:
+        """Number of anchors N."""
+        return len(self.anchor_ids)
+
+    def height_gap_m(self, anchors: slice = slice(None)) -> Float64[Array, "T n"]:
+        """Return the tag antenna's height minus the anchors', in metres; 0 where unknown.
+
+        Parameters
+        ----------
+        anchors
+            Which anchors; all by default.
+        """
+        shape = (self.n_steps, len(range(*anchors.indices(self.n_anchors))))
+        if self.tag_up_m is None or self.anchor_up_m is None:
+            return np.zeros(shape)
+        gap_m = self.tag_up_m[:, None] - self.anchor_up_m[anchors]
+        return np.asarray(np.nan_to_num(gap_m, nan=0.0))
+
+    def window(self, start: int, stop: int) -> Episode:
+        """Return the steps from ``start`` to before ``stop`` as an episode of its own.
+
+        Parameters
+        ----------
+        start, stop
+            Step indices, ``0 <= start < stop <= n_steps``.
+
+        Raises
+        ------
+        IndexError
+            If the steps lie outside the episode or there are none.
+        """
+        if not 0 <= start < stop <= self.n_steps:
+            raise IndexError(f"expected 0 <= start < stop <= {self.n_steps}, got {start}, {stop}")
+        cut = slice(start, stop)
+        truth = self.truth
+        if truth is not None:
+            truth = replace(truth, range_m=truth.range_m[cut], nlos=truth.nlos[cut])
+        return replace(
+            self,
+            name=f"{self.name}[{start}:{stop}]",
+            t_s=self.t_s[cut],
+            position_m=self.position_m[cut],
+            range_m=self.range_m[cut],
+            valid=self.valid[cut],
+            tag_up_m=None if self.tag_up_m is None else self.tag_up_m[cut],
+            truth=truth,
+        )
+
+    def windows(self, length: int, stride: int | None = None) -> list[Episode]:
+        """Cut the episode into windows of ``length`` steps; an incomplete tail is left out.
+
+        Parameters
+        ----------
+        length
+            Steps in a window, at least 1.
+        stride
+            Steps from one window's start to the next; ``length`` by default (no overlap).
+
+        Raises
+        ------
+        ValueError
+            If ``length`` or ``stride`` is below 1.
+        """
+        stride = length if stride is None else stride
+        if length < 1 or stride < 1:
+            raise ValueError(f"expected length and stride of at least 1, got {length}, {stride}")
+        starts = range(0, self.n_steps - length + 1, stride)
+        return [self.window(start, start + length) for start in starts]
+
+    def without_truth(self) -> Episode:
+        """Return the same episode with nothing of the truth in it."""
+        return replace(self, truth=None)
+
+
+@dataclass(frozen=True)
+class DenoisedRanges:
+    """What a denoiser makes of an Episode: a range, its standard deviation and its validity.
+
+    Parameters
+    ----------
+    range_m : (T, N)
+        Denoised slant ranges, in metres; NaN where not valid.
+    sigma_m : (T, N)
+        Standard deviation of each range, in metres, above 0; NaN where not valid.
+    valid : (T, N)
+        True where the range may be used.
+
+    Raises
+    ------
+    InputError
+        If shapes disagree, a valid range is not finite or its sigma not above 0, or a range that
+        is not valid is not NaN.
+    """
+
+    range_m: Float64[Array, "T N"]
+    sigma_m: Float64[Array, "T N"]
+    valid: Bool[Array, "T N"]
+
+    def __post_init__(self) -> None:
+        range_m = freeze(self, "range_m", self.range_m, np.float64)
+        sigma_m = freeze(self, "sigma_m", self.sigma_m, np.float64)
+        valid = freeze(self, "valid", self.valid, np.bool_)
+        check_shape("sigma_m", sigma_m, range_m.shape)
+        check_shape("valid", valid, range_m.shape)
+        if not (np.isfinite(range_m) & np.isfinite(sigma_m) & (sigma_m > 0))[valid].all():
+            problem = "expected finite ranges and positive sigmas where valid"
+            raise InputError(problem, column="range_m")
+        if not (np.isnan(range_m) & np.isnan(sigma_m) | valid).all():
+            raise InputError("expected NaN where not valid", column="range_m")

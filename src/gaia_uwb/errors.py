@@ -1,0 +1,63 @@
+"""Every error that GAIA raises on purpose; catch :class:`GaiaError` to catch them all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class GaiaError(Exception):
+    """Base of all errors raised by GAIA; its text is one line made for the user."""
+
+
+class ConfigError(GaiaError):
+    """A setting is unknown, impossible, or contradicts another one."""
+
+
+class SourceError(GaiaError):
+    """A data source, data set or part of it was not found, or its name cannot be understood."""
+
+
+class DownloadError(GaiaError):
+    """A file could not be fetched, or what arrived is not what was promised."""
+
+
+class InputError(GaiaError):
+    """Data are wrong: the message says what was expected, what came, and where.
+
+    Parameters
+    ----------
+    problem
+        What is wrong, what was expected and what came.
+    source
+        The file (or a scene's name) that holds the bad value.
+    row
+        Line of a text file (the header is line 1) or row of a table (from 1).
+    column
+        The column's name.
+
+    Examples
+    --------
+    >>> from gaia_uwb.errors import InputError
+    >>> print(InputError("expected a finite number, got 'abc'", source="ranges.csv", row=17,
+    ...                  column="range_m"))
+    ranges.csv, row 17, column range_m: expected a finite number, got 'abc'
+    """
+
+    def __init__(
+        self,
+        problem: str,
+        *,
+        source: str | Path | None = None,
+        row: int | None = None,
+        column: str | None = None,
+    ) -> None:
+        self.problem = problem
+        self.source = source
+        self.row = row
+        self.column = column
+        place = [] if source is None else [str(source)]
+        if row is not None:
+            place.append(f"row {row}")
+        if column is not None:
+            place.append(f"column {column}")
+        super().__init__(f"{', '.join(place)}: {problem}" if place else problem)

@@ -1,0 +1,157 @@
+"""What comes out of a reconstruction: where each anchor stands, and the boundary of the zone.
+
+>>> from gaia_uwb.estimate import AnchorStatus
+>>> AnchorStatus.TOO_FEW_RANGES.message
+'too few usable ranges to locate it'
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from gaia_uwb._checks import check_shape, freeze
+from gaia_uwb._typing import Array, Float64
+from gaia_uwb.errors import InputError
+
+
+class AnchorStatus(StrEnum):
+    """How far an anchor's estimate can be trusted; the value is what people see."""
+
+    OK = "ok"
+    AMBIGUOUS = "ambiguous"
+    ILL_CONDITIONED = "ill-conditioned"
+    NOT_CONVERGED = "not-converged"
+    TOO_FEW_RANGES = "too-few-ranges"
+
+    @property
+    def message(self) -> str:
+        """The status in one sentence."""
+        return _MESSAGES[self]
+
+    @property
+    def has_position(self) -> bool:
+        """Whether an estimate with this status carries a position at all."""
+        return self is not AnchorStatus.TOO_FEW_RANGES
+
+
+_MESSAGES = {
+    AnchorStatus.OK: "located",
+    AnchorStatus.AMBIGUOUS: "located, but the mirror image beside the path fits nearly as well",
+    AnchorStatus.ILL_CONDITIONED: "the ranges fix the position only poorly along some direction",
+    AnchorStatus.NOT_CONVERGED: "the solver stopped before it converged",
+    AnchorStatus.TOO_FEW_RANGES: "too few usable ranges to locate it",
+}
+
+
+@dataclass(frozen=True)
+class AnchorFix:
+    """Where one anchor stands, and how sure that is.
+
+    Parameters
+    ----------
+    anchor_id
+        Name of the anchor.
+    position_m : (2,)
+        East and north, in metres; NaN with status ``too-few-ranges``.
+    covariance_m2 : (2, 2)
+        Covariance of ``position_m`` given that the side is right, in square metres.
+    mirror_position_m : (2,)
+        The other hypothesis: the best position on the other side of the path.
+    mirror_probability
+        Probability that the anchor stands at ``mirror_position_m`` instead.
+    status
+        Whether to trust it.
+    n_ranges
+        Number of ranges used.
+    range_bias_m
+        Estimated bias of this anchor's ranges (measured minus true), in metres.
+
+    Raises
+    ------
+    InputError
+        If shapes are wrong, ``mirror_probability`` lies outside [0, 1], or the position is not
+        finite exactly where the status says that there is one.
+    """
+
+    anchor_id: str
+    position_m: Float64[Array, "2"]
+    covariance_m2: Float64[Array, "2 2"]
+    mirror_position_m: Float64[Array, "2"]
+    mirror_probability: float
+    status: AnchorStatus
+    n_ranges: int
+    range_bias_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        shapes = {"position_m": (2,), "covariance_m2": (2, 2), "mirror_position_m": (2,)}
+        for name, shape in shapes.items():
+            check_shape(name, freeze(self, name, getattr(self, name), np.float64), shape)
+        if bool(np.isfinite(self.position_m).all()) is not self.status.has_position:
+            raise InputError(
+                f"anchor {self.anchor_id!r}: position {self.position_m} does not go with the "
+                f"status {self.status.value!r}",
+                column="position_m",
+            )
+        if not 0.0 <= self.mirror_probability <= 1.0:
+            raise InputError(
+                f"anchor {self.anchor_id!r}: expected a probability, got {self.mirror_probability}",
+                column="mirror_probability",
+            )
+
+
+class BoundaryStatus(StrEnum):
+    """Whether a boundary encloses an area."""
+
+    OK = "ok"
+    TOO_FEW_ANCHORS = "too-few-anchors"
+    COLLINEAR = "collinear"
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """The boundary of the work zone.
+
+    Parameters
+    ----------
+    hull_m : (K, 2)
+        Convex hull of the anchors, counter-clockwise, not closed, in metres. With a status other
+        than ``ok`` it is the hull's 0, 1 or 2 extreme points.
+    outline_m : (M, 2)
+        The located anchors in the order in which an outline through all of them visits them.
+    outline_index : tuple of int
+        The anchors' indices in that order.
+    area_m2
+        Area of the hull, 0 unless the status is ``ok``.
+    status
+        Whether the hull encloses an area.
+
+    Raises
+    ------
+    InputError
+        If shapes are wrong, there is not one index per point of the outline, or the area is not
+        above 0 exactly where the status is ``ok``.
+    """
+
+    hull_m: Float64[Array, "K 2"]
+    outline_m: Float64[Array, "M 2"]
+    outline_index: tuple[int, ...]
+    area_m2: float
+    status: BoundaryStatus
+
+    def __post_init__(self) -> None:
+        for name in ("hull_m", "outline_m"):
+            points = freeze(self, name, getattr(self, name), np.float64)
+            check_shape(name, points, (len(points), 2))
+        if len(self.outline_index) != len(self.outline_m):
+            raise InputError(
+                f"expected {len(self.outline_m)} indices, got {len(self.outline_index)}",
+                column="outline_index",
+            )
+        if bool(self.area_m2 > 0) is not (self.status is BoundaryStatus.OK):
+            raise InputError(
+                f"area {self.area_m2} m2 does not go with the status {self.status.value!r}",
+                column="area_m2",
+            )

@@ -1,0 +1,220 @@
+"""From ranges to both places of every anchor, with honest errors.
+
+Ranges that err alike count as fewer: the likelihood is divided by the errors' correlation in time
+before it meets a prior or compares two hypotheses. What slow errors amount to (their variance times
+their correlation) is a property of the log and comes from its calibration (``calibration.py``): a
+short window cannot tell slow errors from the anchor's place, and no smoothing makes them smaller.
+
+The covariance adds four things that are independent of each other: the sandwich of the anchor's
+own ranges, what the calibrated range bias may still be off, what the clock offset may still be
+off, and a floor that no number of ranges improves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gaia_uwb._typing import Array, Bool, Float64, Int64
+from gaia_uwb.batch import Chunk, chunks, correlation_lag, normal_sums, with_prior
+from gaia_uwb.config import SolverConfig
+from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.multilateration import Solutions, SolverOptions
+
+_NLOS_WEIGHT = 0.2  # the paper's omega for ranges without line of sight
+
+
+@dataclass(frozen=True)
+class Hypotheses:
+    """Both places of each anchor of one episode, the better-fitting first.
+
+    Parameters
+    ----------
+    position_m : (N, 2, 2)
+        Anchor, hypothesis, (east, north); NaN where an anchor has too few ranges.
+    covariance_m2 : (N, 2, 2, 2)
+        Covariance of each place.
+    log_odds : (N,)
+        How much better the first fits, as a difference of log likelihoods after allowing for
+        correlated errors; at least 0.
+    own_bias_m : (N,)
+        Range bias of each anchor beside what the calibration removed (measured minus true).
+    n_ranges : (N,)
+        Usable ranges.
+    converged : (N,)
+        Whether both refinements converged.
+    """
+
+    position_m: Float64[Array, "N 2 2"]
+    covariance_m2: Float64[Array, "N 2 2 2"]
+    log_odds: Float64[Array, "N"]
+    own_bias_m: Float64[Array, "N"]
+    n_ranges: Int64[Array, "N"]
+    converged: Bool[Array, "N"]
+
+
+def locate(
+    episodes: Sequence[Episode],
+    ranges: Sequence[DenoisedRanges],
+    config: SolverConfig = SolverConfig(),
+    *,
+    nlos: Sequence[Bool[Array, "T N"]] | None = None,
+) -> list[Hypotheses]:
+    """Locate every anchor of every episode; episodes of one shape are solved together.
+
+    Parameters
+    ----------
+    episodes
+        Paths and heights.
+    ranges
+        What a denoiser made of each episode.
+    config
+        Settings of the solver.
+    nlos
+        NLOS labels for the paper's weights (``wls`` only); without them all weights are 1.
+
+    Returns
+    -------
+    list of Hypotheses
+        One per episode, in their order; each is what the episode alone would give.
+
+    Raises
+    ------
+    ValueError
+        If the numbers of episodes, ranges and labels differ, or labels are given to ``robust``.
+    """
+    if len(ranges) != len(episodes) or (nlos is not None and len(nlos) != len(episodes)):
+        raise ValueError("expected as many denoised ranges and labels as episodes")
+    if nlos is not None and config.kind == "robust":
+        raise ValueError("the robust solver takes no NLOS labels")
+    found: dict[int, Hypotheses] = {}
+    groups: dict[tuple[int, int, int], list[int]] = {}
+    for k, episode in enumerate(episodes):
+        lag = correlation_lag(episode, config.error_correlation_s)
+        groups.setdefault((episode.n_steps, episode.n_anchors, lag), []).append(k)
+    for (_, _, lag), members in groups.items():
+        labels = None if nlos is None else [nlos[k] for k in members]
+        batch = [episodes[k] for k in members]
+        solved = _locate_batch(batch, [ranges[k] for k in members], labels, lag, config)
+        found.update(zip(members, solved, strict=True))
+    return [found[k] for k in range(len(episodes))]
+
+
+def _locate_batch(
+    episodes: list[Episode],
+    ranges: list[DenoisedRanges],
+    nlos: list[Bool[Array, "T N"]] | None,
+    lag: int,
+    config: SolverConfig,
+) -> list[Hypotheses]:
+    robust = config.kind == "robust"
+    options = SolverOptions(
+        dof=config.student_t_dof if robust else 0.0, max_lag=lag, min_ranges=config.min_ranges
+    )
+    sigma = [r.sigma_m for r in ranges] if robust else _paper_sigma(ranges, nlos)
+    correlation = np.array(
+        [1.0 if e.calibration is None else e.calibration.correlation for e in episodes]
+    )
+    # The likelihood takes correlated ranges for independent ones; a prior that is as much stronger
+    # keeps the balance between the two.
+    bias_sigma_m = (config.anchor_bias_sigma_m if robust else 0.0) / np.sqrt(correlation)
+    parts = []
+    for chunk in chunks(episodes, [r.range_m for r in ranges], sigma):
+        solutions = chunk.solve(options, bias_sigma_m)
+        worth = _steps_worth_one(episodes, chunk, solutions)
+        sides = [
+            _covariance(episodes, chunk, solutions, side, bias_sigma_m, worth[..., side], config)
+            for side in (0, 1)
+        ]
+        parts.append(_Part(solutions, np.stack(sides, axis=2)))
+    return [_hypotheses(parts, b, float(correlation[b])) for b in range(len(episodes))]
+
+
+@dataclass(frozen=True)
+class _Part:
+    solutions: Solutions
+    covariance_m2: Float64[Array, "B n 2 2 2"]
+
+
+def _steps_worth_one(
+    episodes: list[Episode], chunk: Chunk, solutions: Solutions
+) -> Float64[Array, "B n 2"]:
+    """Return how many ranges are worth one independent range of the noise that the solver saw."""
+    worth = np.ones(solutions.scale.shape)
+    known = np.isfinite(chunk.sigma_m)
+    sigma_m = np.where(known, chunk.sigma_m, 0.0).sum(axis=-1) / np.maximum(known.sum(axis=-1), 1)
+    for b, episode in enumerate(episodes):
+        if episode.calibration is not None:
+            noise_m = np.nan_to_num(solutions.scale[b] * sigma_m[b][:, None], nan=np.inf)
+            ratio = episode.calibration.sigma_m / np.maximum(noise_m, 1e-9)
+            worth[b] = episode.calibration.correlation * np.maximum(ratio, 1.0) ** 2
+    return worth
+
+
+def _paper_sigma(
+    ranges: list[DenoisedRanges], nlos: list[Bool[Array, "T N"]] | None
+) -> list[Float64[Array, "T N"]]:
+    """Return the standard deviations that stand for the paper's weights 1 and 0.2."""
+    sigma = [np.where(r.valid, 1.0, np.nan) for r in ranges]
+    if nlos is not None:
+        for one, label in zip(sigma, nlos, strict=True):
+            one[label] /= np.sqrt(_NLOS_WEIGHT)
+    return sigma
+
+
+def _covariance(
+    episodes: list[Episode],
+    chunk: Chunk,
+    solutions: Solutions,
+    side: int,
+    bias_sigma_m: Float64[Array, "B"],
+    worth: Float64[Array, "B n"],
+    config: SolverConfig,
+) -> Float64[Array, "B n 2 2"]:
+    """Return the honest covariance of one hypothesis; see the module's text."""
+    precision = np.zeros_like(bias_sigma_m)
+    np.divide(1.0, bias_sigma_m**2, out=precision, where=bias_sigma_m > 0)
+    sides = np.full(solutions.n_ranges.shape, side)
+    dof = config.student_t_dof if config.kind == "robust" else 0.0
+    sums = normal_sums(chunk, solutions, sides, dof)
+    inverse = np.linalg.inv(with_prior(sums.jj, precision))
+    long_run = np.nan_to_num(solutions.long_run[:, :, side])
+    inflation = np.einsum("bnij,bnji->bn", inverse[..., :2, :2], long_run[..., :2, :2]) / 2.0
+    # A short window's own long-run variance comes out low; what the log knows is a floor.
+    short = np.maximum(worth / np.maximum(inflation, 1e-12), 1.0)
+    long_run = long_run * short[..., None, None]
+    long_run[..., 2, 2] += precision[:, None] * worth
+    total = (inverse @ long_run @ inverse)[..., :2, :2]
+    moved = inverse @ sums.jx  # how the place moves with the shared bias and the clock offset
+    shared, clock = moved[..., :2, :2], moved[..., :2, 2]
+    unsure = np.stack(
+        [np.zeros((2, 2)) if e.calibration is None else e.calibration.covariance for e in episodes]
+    )
+    sigma_s = np.array([0.0 if e.clock is None else e.clock.sigma_s for e in episodes])
+    total = total + shared @ unsure[:, None] @ np.swapaxes(shared, -1, -2)
+    total += clock[..., :, None] * clock[..., None, :] * sigma_s[:, None, None, None] ** 2
+    total += config.position_floor_m**2 * np.eye(2)
+    total[~np.isfinite(solutions.position_m[:, :, side, 0])] = np.nan
+    return np.asarray(0.5 * (total + np.swapaxes(total, -1, -2)))
+
+
+def _hypotheses(parts: list[_Part], b: int, correlation: float) -> Hypotheses:
+    """Collect one episode's anchors from the chunks, the better-fitting hypothesis first."""
+    fit = np.concatenate([p.solutions.negative_log_likelihood[b] for p in parts])
+    first = np.argmin(np.nan_to_num(fit, nan=np.inf), axis=1)
+    order = np.stack([first, 1 - first], axis=1)
+    rows = np.arange(len(fit))[:, None]
+    odds = fit[rows[:, 0], order[:, 1]] - fit[rows[:, 0], order[:, 0]]
+    position = np.concatenate([p.solutions.position_m[b] for p in parts])
+    covariance = np.concatenate([p.covariance_m2[b] for p in parts])
+    bias = np.concatenate([p.solutions.bias_m[b] for p in parts])
+    return Hypotheses(
+        position_m=position[rows, order],
+        covariance_m2=covariance[rows, order],
+        log_odds=np.nan_to_num(odds / correlation, nan=0.0),
+        own_bias_m=np.nan_to_num(bias[rows[:, 0], first], nan=0.0),
+        n_ranges=np.concatenate([p.solutions.n_ranges[b] for p in parts]),
+        converged=np.concatenate([p.solutions.converged[b].all(axis=1) for p in parts]),
+    )

@@ -1,0 +1,171 @@
+"""From a Scene to a work-zone boundary: the main job, step by step.
+
+:func:`reconstruct` is the list; each step is one module. The command line, the evaluation and any
+service call it; none of them has a second copy.
+
+>>> from gaia_uwb.pipeline import reconstruct
+>>> from gaia_uwb.simulate import PRESETS, simulate_pass
+>>> result = reconstruct(simulate_pass(PRESETS["lane-closure"], seed=0))
+>>> len(result.anchors), result.boundary.status.value
+(8, 'ok')
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from gaia_uwb._typing import Array, Bool
+from gaia_uwb.alignment import align
+from gaia_uwb.calibration import calibrate
+from gaia_uwb.config import PipelineConfig
+from gaia_uwb.denoisers import make_denoiser
+from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus
+from gaia_uwb.geometry import make_boundary
+from gaia_uwb.locate import locate
+from gaia_uwb.scene import Scene
+from gaia_uwb.sides import resolve_sides
+
+
+class ReconstructionStatus(StrEnum):
+    """Whether the boundary can be relied upon; the value is what people see."""
+
+    OK = "ok"
+    UNRELIABLE = "unreliable"
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """The result of one reconstruction.
+
+    Parameters
+    ----------
+    episode
+        The aligned and calibrated ranges, with nothing of the truth in them.
+    denoised
+        What the denoiser made of them.
+    anchors
+        One fix per anchor, in the order of ``episode.anchor_ids``.
+    boundary
+        The boundary through the located anchors.
+    status
+        ``unreliable`` where a reader must not take the boundary for granted.
+    reasons
+        Why it is unreliable, in words; empty if it is not.
+    config
+        The settings that made it.
+    """
+
+    episode: Episode
+    denoised: DenoisedRanges
+    anchors: tuple[AnchorFix, ...]
+    boundary: Boundary
+    status: ReconstructionStatus
+    reasons: tuple[str, ...]
+    config: PipelineConfig
+
+
+def prepare(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Episode:
+    """Bring a log onto one timeline and free its ranges of the radios' common bias.
+
+    Parameters
+    ----------
+    scene
+        The log. Its truth is carried over for scores, but nothing is decided by it.
+    config
+        ``alignment``, ``calibration`` and ``solver`` are used.
+
+    Raises
+    ------
+    InputError
+        If the clocks do not overlap or no range is usable.
+    """
+    episode = align(scene, config.alignment)
+    if config.calibration.range_bias == "auto":
+        episode = calibrate(episode, config.calibration, config.solver)
+    return episode
+
+
+def reconstruct(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Reconstruction:
+    """Reconstruct a work zone from the log of one drive.
+
+    Parameters
+    ----------
+    scene
+        The log; its truth is not looked at.
+    config
+        All settings.
+
+    Returns
+    -------
+    Reconstruction
+        Ranges, anchors and boundary.
+
+    Raises
+    ------
+    ConfigError
+        If the denoiser's name is unknown.
+    InputError
+        If the clocks do not overlap or no range is usable.
+    """
+    return reconstruct_episodes([prepare(scene.without_truth(), config)], config)[0]
+
+
+def reconstruct_episodes(
+    episodes: Sequence[Episode],
+    config: PipelineConfig = PipelineConfig(),
+    *,
+    true_nlos: Sequence[Bool[Array, "T N"]] | None = None,
+) -> list[Reconstruction]:
+    """Reconstruct prepared episodes, batched; each result is what the episode alone would give.
+
+    Parameters
+    ----------
+    episodes
+        Whole runs or windows of them; their truth is not looked at.
+    config
+        ``denoiser``, ``solver`` and ``sides`` are used.
+    true_nlos
+        True NLOS labels, for the paper's labelled setting of the ``wls`` solver only.
+
+    Raises
+    ------
+    ConfigError
+        If the denoiser's name is unknown.
+    """
+    blind = [episode.without_truth() for episode in episodes]
+    denoised = make_denoiser(config.denoiser)(blind)
+    hypotheses = locate(blind, denoised, config.solver, nlos=true_nlos)
+    results = []
+    for episode, ranges, places in zip(blind, denoised, hypotheses, strict=True):
+        anchors = resolve_sides(episode, places, config.sides, config.solver)
+        boundary = make_boundary(np.stack([anchor.position_m for anchor in anchors]))
+        reasons = _reasons(anchors, boundary)
+        status = ReconstructionStatus.UNRELIABLE if reasons else ReconstructionStatus.OK
+        results.append(Reconstruction(episode, ranges, anchors, boundary, status, reasons, config))
+    return results
+
+
+def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> tuple[str, ...]:
+    """Say in words what keeps the boundary from being relied upon."""
+    reasons = []
+    for status in AnchorStatus:
+        if status is not AnchorStatus.OK:
+            ids = [anchor.anchor_id for anchor in anchors if anchor.status is status]
+            if ids:
+                reasons.append(f"{_listed(ids)}: {status.message}")
+    if boundary.status is BoundaryStatus.TOO_FEW_ANCHORS:
+        reasons.append("fewer than three anchors were located, so there is no boundary")
+    elif boundary.status is BoundaryStatus.COLLINEAR:
+        reasons.append("all located anchors stand on one line, so the boundary encloses no area")
+    return tuple(reasons)
+
+
+def _listed(ids: Sequence[str]) -> str:
+    """Name up to five anchors."""
+    more = f" and {len(ids) - 5} more" if len(ids) > 5 else ""
+    return f"anchor{'s' if len(ids) > 1 else ''} {', '.join(ids[:5])}{more}"

@@ -1,0 +1,223 @@
+"""Everything that a reconstruction leaves on disk.
+
+===================  ========================================================================
+file                 what it holds
+===================  ========================================================================
+``anchors.csv``      one row per anchor: place, uncertainty, status
+``ranges.parquet``   one row per step and anchor with a range: before and after denoising
+``boundary.geojson`` boundary, cones and ellipses for a GIS (``geojson.py``)
+``plot.png``         the site from above and the ranges over time (``plots.py``)
+``map.html``         an interactive map that needs no network (``map_page.py``)
+``config.yaml``      every setting, read back by ``gaia reconstruct --config``
+``report.json``      the result for programs; written last, so where it is new, all files are
+===================  ========================================================================
+
+The two tables are written from the result itself; all else is made before a file is written.
+In ``ranges.parquet``, ``range_m`` is the measured range on the trajectory's timeline, freed of the
+radios' common bias (``range_calibration`` in the report), and ``denoised_range_m`` with ``sigma_m``
+is what the denoiser made of it; a value that is not usable is null, and ``valid`` is whether the
+denoised one is.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from gaia_uwb.config import dump_config
+from gaia_uwb.episode import RangeCalibration
+from gaia_uwb.estimate import AnchorFix
+from gaia_uwb.files import OutputFolder
+from gaia_uwb.geojson import Json, boundary_geojson, lon_lat
+from gaia_uwb.map_page import map_page
+from gaia_uwb.metrics import Metric
+from gaia_uwb.pipeline import Reconstruction
+from gaia_uwb.plots import figure_png, plot_reconstruction
+
+SCHEMA = 1
+
+UNCERTAINTY_NOTE = (
+    "covariance_m2 is the covariance of (east, north) of an anchor in the trajectory's own frame, "
+    "given that the side of the path is right (see mirror_probability). An error of that frame "
+    "(GNSS datum, base station, heading of a local frame) moves and turns all anchors together and "
+    "comes on top: in the public outdoor UWB data set the frames of trajectory and survey differ "
+    "by 0.2 to 1.0 degrees and up to 0.2 m. Shape and area of the boundary are free of it."
+)
+
+
+def make_report(
+    reconstruction: Reconstruction, metrics: Mapping[str, Metric] | None = None
+) -> Json:
+    """Return the content of ``report.json``.
+
+    Parameters
+    ----------
+    reconstruction
+        What to report.
+    metrics
+        Scores against a known truth, by name.
+
+    Returns
+    -------
+    dict
+        Strict JSON values only: what is unknown is None, never NaN. ``clock_offset_s`` is the shift
+        that the ranges got, ``clock_offset`` says how it was found. Lengths are in metres.
+    """
+    episode, boundary = reconstruction.episode, reconstruction.boundary
+    return {
+        "schema": SCHEMA,
+        "version": version("gaia-uwb"),
+        "scene": episode.name,
+        "status": reconstruction.status.value,
+        "reasons": list(reconstruction.reasons),
+        "clock_offset_s": None if episode.clock is None else episode.clock.applied_s,
+        "clock_offset": None if episode.clock is None else asdict(episode.clock),
+        "range_calibration": _calibration(episode.calibration),
+        "anchors": _anchors(reconstruction),
+        "boundary": {
+            "status": boundary.status.value,
+            "area_m2": boundary.area_m2,
+            "hull_m": boundary.hull_m.tolist(),
+            "outline_ids": [episode.anchor_ids[index] for index in boundary.outline_index],
+        },
+        "frame": None if episode.frame is None else asdict(episode.frame),
+        "uncertainty_note": UNCERTAINTY_NOTE,
+        "config": reconstruction.config.model_dump(mode="json"),
+        "metrics": None if metrics is None else {
+            name: {"value": metric.value, "unit": metric.unit, "n": metric.n}
+            for name, metric in metrics.items()
+        },
+    }  # fmt: skip
+
+
+def write_all(
+    reconstruction: Reconstruction, folder: Path, metrics: Mapping[str, Metric] | None = None
+) -> list[Path]:
+    """Write all result files (see the module's table) and return their paths.
+
+    Parameters
+    ----------
+    reconstruction
+        What to write.
+    folder
+        Made if needed. Files of an earlier run are replaced one by one, each as a whole.
+    metrics
+        Scores against a known truth, by name.
+
+    Raises
+    ------
+    ConfigError
+        If the folder or a file in it cannot be written.
+    """
+    output = OutputFolder(folder)
+    report = make_report(reconstruction, metrics)
+    page = map_page(boundary_geojson(reconstruction, local=True), report)
+    png = figure_png(plot_reconstruction(reconstruction))
+    features = json.dumps(boundary_geojson(reconstruction), ensure_ascii=False, allow_nan=False)
+    settings = f"# gaia-uwb {report['version']}\n{dump_config(reconstruction.config)}"
+    return [
+        output.write("anchors.csv", lambda path: _write_anchors(reconstruction, path)),
+        output.write("ranges.parquet", lambda path: _write_ranges(reconstruction, path)),
+        output.write_text("boundary.geojson", features),
+        output.write_bytes("plot.png", png),
+        output.write_text("map.html", page),
+        output.write_text("config.yaml", settings),
+        output.write_text(
+            "report.json", json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        ),
+    ]
+
+
+def _calibration(calibration: RangeCalibration | None) -> Json | None:
+    if calibration is None:
+        return None
+    bias_at_10_m, bias_per_decade = calibration.bias.tolist()
+    return {
+        "bias_at_10_m_m": bias_at_10_m,
+        "bias_per_decade_m": bias_per_decade,
+        "sigma_m": calibration.sigma_m,
+        "correlation_steps": calibration.correlation,
+    }
+
+
+def _anchors(reconstruction: Reconstruction) -> list[Json]:
+    position_m = np.array([anchor.position_m for anchor in reconstruction.anchors])
+    places = lon_lat(reconstruction.episode.frame, position_m).round(9)
+    return [
+        _anchor(anchor, float(lon), float(lat))
+        for anchor, (lon, lat) in zip(reconstruction.anchors, places, strict=True)
+    ]
+
+
+def _anchor(anchor: AnchorFix, lon: float, lat: float) -> Json:
+    covariance_m2 = anchor.covariance_m2
+    return {
+        "id": anchor.anchor_id,
+        "east_m": _finite(anchor.position_m[0]),
+        "north_m": _finite(anchor.position_m[1]),
+        "lon": _finite(lon),
+        "lat": _finite(lat),
+        "covariance_m2": covariance_m2.tolist() if np.isfinite(covariance_m2).all() else None,
+        "mirror_probability": anchor.mirror_probability,
+        "mirror_east_m": _finite(anchor.mirror_position_m[0]),
+        "mirror_north_m": _finite(anchor.mirror_position_m[1]),
+        "status": anchor.status.value,
+        "n_ranges": anchor.n_ranges,
+        "range_bias_m": _finite(anchor.range_bias_m),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _write_anchors(reconstruction: Reconstruction, path: Path) -> None:
+    import polars as pl
+
+    anchors = reconstruction.anchors
+    position_m = np.array([anchor.position_m for anchor in anchors])
+    mirror_m = np.array([anchor.mirror_position_m for anchor in anchors])
+    covariance_m2 = np.array([anchor.covariance_m2 for anchor in anchors])
+    places = lon_lat(reconstruction.episode.frame, position_m).round(9)
+    table = pl.DataFrame(
+        {
+            "anchor_id": [anchor.anchor_id for anchor in anchors],
+            "status": [anchor.status.value for anchor in anchors],
+            "east_m": position_m[:, 0],
+            "north_m": position_m[:, 1],
+            "lon": places[:, 0],
+            "lat": places[:, 1],
+            "covariance_ee_m2": covariance_m2[:, 0, 0],
+            "covariance_en_m2": covariance_m2[:, 0, 1],
+            "covariance_nn_m2": covariance_m2[:, 1, 1],
+            "mirror_probability": [float(anchor.mirror_probability) for anchor in anchors],
+            "mirror_east_m": mirror_m[:, 0],
+            "mirror_north_m": mirror_m[:, 1],
+            "n_ranges": [anchor.n_ranges for anchor in anchors],
+            "range_bias_m": [float(anchor.range_bias_m) for anchor in anchors],
+        }
+    )
+    table.with_columns(pl.col(pl.Float64).fill_nan(None)).write_csv(path)
+
+
+def _write_ranges(reconstruction: Reconstruction, path: Path) -> None:
+    import polars as pl
+
+    episode, denoised = reconstruction.episode, reconstruction.denoised
+    step, anchor = np.nonzero(episode.valid | denoised.valid)
+    table = pl.DataFrame(
+        {
+            "t_s": episode.t_s[step],
+            "anchor_id": pl.Series(episode.anchor_ids, dtype=pl.String).gather(anchor),
+            "range_m": episode.range_m[step, anchor],
+            "denoised_range_m": denoised.range_m[step, anchor],
+            "sigma_m": denoised.sigma_m[step, anchor],
+            "valid": denoised.valid[step, anchor],
+        }
+    )
+    table.with_columns(pl.col(pl.Float64).fill_nan(None)).write_parquet(path)

@@ -1,0 +1,249 @@
+"""Decide on which side of the path each anchor stands: jointly, with probabilities.
+
+Ranges along a straight path fit an anchor's mirror image as well as the anchor. One anchor's ranges
+may leave the side open; all anchors of a zone together, which stand near each other
+(``layout_prior.py``), often settle it. Every combination of sides has an evidence: the likelihoods
+of the places it chooses, times how well they form a zone. Up to eight undecided anchors all
+combinations are compared; with more, the best is climbed to by single flips from several starts.
+The probability of an anchor's mirror image is the share of evidence of the combinations that put
+the anchor there. An anchor that stays undecided is called ambiguous.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gaia_uwb._typing import Array, Bool, Float64, Int64
+from gaia_uwb.config import SidesConfig, SolverConfig
+from gaia_uwb.episode import Episode
+from gaia_uwb.estimate import AnchorFix, AnchorStatus
+from gaia_uwb.layout_prior import joint_places
+from gaia_uwb.locate import Hypotheses
+
+_ENUMERATE = 8  # undecided anchors of which all combinations are compared
+_DECIDED = 12.0  # log odds beyond which the ranges alone decide
+_SWEEPS = 50
+# Part of the anchors' errors is common to all of them (the trajectory's, the clock's); in the
+# outdoor data set about half of the residuals' variance is. So combinations of sides, which add up
+# the anchors' evidence, count half, and only the other half of an anchor's covariance bears on
+# where it stands among the others: what is common moves the zone as a whole.
+_SHARED_ERRORS = 0.5
+
+
+def resolve_sides(
+    episode: Episode,
+    hypotheses: Hypotheses,
+    config: SidesConfig = SidesConfig(),
+    solver: SolverConfig = SolverConfig(),
+) -> tuple[AnchorFix, ...]:
+    """Choose a side for every anchor and say how sure that is.
+
+    Parameters
+    ----------
+    episode
+        Gives the anchors' names.
+    hypotheses
+        Both places of each anchor.
+    config
+        ``joint`` and ``ambiguous_above``.
+    solver
+        ``ill_conditioned_above_m``.
+
+    Returns
+    -------
+    tuple of AnchorFix
+        One per anchor, in the order of ``episode.anchor_ids``.
+    """
+    located = np.isfinite(hypotheses.position_m).all(axis=(1, 2))
+    chosen = _apart(hypotheses)
+    if config.joint and int(located.sum()) > 1:
+        chosen = _jointly(hypotheses, chosen, np.flatnonzero(located))
+    return tuple(
+        _fix(episode.anchor_ids[n], hypotheses, chosen, n, config, solver)
+        for n in range(episode.n_anchors)
+    )
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """Which hypothesis each anchor takes, with its place, covariance and the other's odds."""
+
+    side: Int64[Array, "N"]
+    place_m: Float64[Array, "N 2"]
+    covariance_m2: Float64[Array, "N 2 2"]
+    mirror_probability: Float64[Array, "N"]
+
+
+def _one_place(hypotheses: Hypotheses) -> Bool[Array, "N"]:
+    """Return where both hypotheses refined to the same place, so that no side is open."""
+    apart = hypotheses.position_m[:, 0] - hypotheses.position_m[:, 1]
+    spread = hypotheses.covariance_m2.sum(axis=1)
+    distance2 = np.full(len(apart), np.inf)
+    located = np.isfinite(apart).all(axis=1)
+    solved = np.linalg.solve(spread[located], apart[located, :, None])[..., 0]
+    distance2[located] = (apart[located] * solved).sum(axis=1)
+    return distance2 < 1.0
+
+
+def _apart(hypotheses: Hypotheses) -> _Choice:
+    """Take each anchor's better-fitting hypothesis."""
+    mirror = 1.0 / (1.0 + np.exp(np.minimum(hypotheses.log_odds, 700.0)))
+    mirror[_one_place(hypotheses)] = 0.0
+    return _Choice(
+        side=np.zeros(len(mirror), dtype=np.int64),
+        place_m=hypotheses.position_m[:, 0],
+        covariance_m2=hypotheses.covariance_m2[:, 0],
+        mirror_probability=mirror,
+    )
+
+
+def _jointly(hypotheses: Hypotheses, apart: _Choice, located: Int64[Array, "M"]) -> _Choice:
+    """Compare combinations of sides over the located anchors."""
+    place = hypotheses.position_m[located]
+    covariance = hypotheses.covariance_m2[located]
+    odds = hypotheses.log_odds[located]
+    one_place = _one_place(hypotheses)[located]
+    open_sides = np.flatnonzero((odds < _DECIDED) & ~one_place)
+    search = _Search(place, covariance, odds)
+    if len(open_sides) <= _ENUMERATE:
+        search.look_at(_all_combinations(len(located), open_sides))
+    else:
+        search.climb(open_sides)
+    best, evidence, combinations = search.result()
+    weight = np.exp(_SHARED_ERRORS * (evidence - evidence.max()))
+    weight /= weight.sum()
+    flipped = combinations != combinations[best]
+    probability = np.clip((weight[:, None] * flipped).sum(axis=0), 0.0, 1.0)
+    # A mirror image that nobody looked at keeps what its own ranges leave it.
+    alone = np.zeros(len(located), dtype=np.bool_)
+    alone[open_sides] = True
+    probability = np.where(alone, probability, apart.mirror_probability[located])
+    joint_place, joint_covariance = search.places(combinations[best])
+    side, place_m = apart.side.copy(), apart.place_m.copy()
+    covariance_m2, mirror = apart.covariance_m2.copy(), apart.mirror_probability.copy()
+    side[located], mirror[located] = combinations[best], probability
+    place_m[located], covariance_m2[located] = joint_place, joint_covariance
+    return _Choice(side, place_m, covariance_m2, mirror)
+
+
+def _all_combinations(n: int, open_sides: Int64[Array, "M"]) -> Int64[Array, "K N"]:
+    count = 1 << len(open_sides)
+    bits = (np.arange(count)[:, None] >> np.arange(len(open_sides))) & 1
+    combinations = np.zeros((count, n), dtype=np.int64)
+    combinations[:, open_sides] = bits
+    return combinations
+
+
+class _Search:
+    """Looks at combinations of sides and remembers the evidence of each."""
+
+    def __init__(
+        self,
+        place_m: Float64[Array, "N 2 2"],
+        covariance_m2: Float64[Array, "N 2 2 2"],
+        log_odds: Float64[Array, "N"],
+    ) -> None:
+        self._place_m, self._covariance_m2, self._log_odds = place_m, covariance_m2, log_odds
+        self._seen: dict[bytes, float] = {}
+
+    def look_at(self, combinations: Int64[Array, "K N"]) -> Float64[Array, "K"]:
+        """Return the log evidence of each combination, summed over shapes and sizes."""
+        new = [k for k, c in enumerate(combinations) if c.tobytes() not in self._seen]
+        for start in range(0, len(new), 64):
+            part = combinations[new[start : start + 64]]
+            rows = np.arange(part.shape[1])
+            joint = joint_places(
+                self._place_m[rows, part], (1.0 - _SHARED_ERRORS) * self._covariance_m2[rows, part]
+            )
+            top = joint.log_evidence.max(axis=1)
+            total = top + np.log(np.exp(joint.log_evidence - top[:, None]).sum(axis=1))
+            total -= (part * self._log_odds).sum(axis=1)
+            self._seen.update(zip((c.tobytes() for c in part), total.tolist(), strict=True))
+        return np.array([self._seen[c.tobytes()] for c in combinations])
+
+    def climb(self, open_sides: Int64[Array, "M"]) -> None:
+        """Climb by single flips from each anchor's own side, and from all on one side."""
+        n = len(self._log_odds)
+        starts = np.zeros((3, n), dtype=np.int64)
+        left = _left_of_first(self._place_m)
+        starts[1, open_sides] = np.where(left[open_sides], 0, 1)
+        starts[2, open_sides] = np.where(left[open_sides], 1, 0)
+        flips = np.zeros((len(open_sides), n), dtype=np.int64)
+        flips[np.arange(len(open_sides)), open_sides] = 1
+        for start in starts:
+            current, value = start, float(self.look_at(start[None])[0])
+            for _ in range(_SWEEPS):
+                neighbours = current ^ flips
+                values = self.look_at(neighbours)
+                if values.max() <= value:
+                    break
+                current, value = neighbours[values.argmax()], float(values.max())
+            mirrored = current.copy()
+            mirrored[open_sides] ^= 1
+            self.look_at(mirrored[None])
+
+    def result(self) -> tuple[int, Float64[Array, "K"], Int64[Array, "K N"]]:
+        """Return the best combination's index, and all evidences and combinations seen."""
+        combinations = np.stack([np.frombuffer(c, dtype=np.int64) for c in self._seen])
+        evidence = np.array(list(self._seen.values()))
+        return int(evidence.argmax()), evidence, combinations
+
+    def places(self, sides: Int64[Array, "N"]) -> tuple[Array, Array]:
+        """Return places and covariances under one combination, averaged over shapes and sizes."""
+        rows = np.arange(len(sides))
+        common = _SHARED_ERRORS * self._covariance_m2[rows, sides]
+        own = self._covariance_m2[rows, sides] - common
+        joint = joint_places(self._place_m[rows, sides][None], own[None])
+        weight = np.exp(joint.log_evidence[0] - joint.log_evidence[0].max())
+        weight /= weight.sum()
+        mean = np.einsum("l,lni->ni", weight, joint.place_m[0])
+        off = joint.place_m[0] - mean
+        between = np.einsum("l,lni,lnj->nij", weight, off, off)
+        within = np.einsum("l,lnij->nij", weight, joint.covariance_m2[0])
+        return mean, within + between + common
+
+
+def _left_of_first(place_m: Float64[Array, "N 2 2"]) -> Bool[Array, "N"]:
+    """Return whether each anchor's first hypothesis stands left of the path, up to a global swap.
+
+    The two places of an anchor lie across the path; which of them is left follows from any one
+    direction across it, so anchors can be compared without the path.
+    """
+    across = place_m[:, 0] - place_m[:, 1]
+    reference = across[int(np.argmax((across**2).sum(axis=1)))]
+    return np.asarray(across @ reference > 0)
+
+
+def _fix(
+    anchor_id: str,
+    hypotheses: Hypotheses,
+    chosen: _Choice,
+    n: int,
+    config: SidesConfig,
+    solver: SolverConfig,
+) -> AnchorFix:
+    """Put one anchor's result together and say how far it can be trusted."""
+    side = int(chosen.side[n])
+    covariance = chosen.covariance_m2[n]
+    mirror = float(chosen.mirror_probability[n])
+    status = AnchorStatus.OK
+    if not np.isfinite(chosen.place_m[n]).all():
+        status, mirror = AnchorStatus.TOO_FEW_RANGES, 0.0
+    elif np.linalg.eigvalsh(covariance)[1] > solver.ill_conditioned_above_m**2:
+        status = AnchorStatus.ILL_CONDITIONED
+    elif not hypotheses.converged[n]:
+        status = AnchorStatus.NOT_CONVERGED
+    elif mirror > config.ambiguous_above:
+        status = AnchorStatus.AMBIGUOUS
+    return AnchorFix(
+        anchor_id=anchor_id,
+        position_m=chosen.place_m[n],
+        covariance_m2=covariance,
+        mirror_position_m=hypotheses.position_m[n, 1 - side],
+        mirror_probability=mirror,
+        status=status,
+        n_ranges=int(hypotheses.n_ranges[n]),
+        range_bias_m=float(hypotheses.own_bias_m[n]),
+    )

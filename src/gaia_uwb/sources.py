@@ -1,0 +1,111 @@
+"""From what a user names as SOURCE to scenes: a folder, or NAME[:PART] from the registries.
+
+A registered name comes before a folder of that name; ``./sim`` is the folder.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gaia_uwb.datasets import REGISTRY, import_function
+from gaia_uwb.datasets.check import CheckReport, check_scene
+from gaia_uwb.datasets.fetch import dataset_folder
+from gaia_uwb.datasets.native import is_native, read_native, read_with_notes
+from gaia_uwb.errors import InputError, SourceError
+from gaia_uwb.scene import Scene
+
+SIMULATOR = "sim"
+"""Name of the simulator as a source; the part is a preset."""
+
+
+def load_scenes(source: str, *, data_dir: Path | None = None) -> list[Scene]:
+    """Load the scenes that a source names.
+
+    Parameters
+    ----------
+    source
+        A folder with a scene in GAIA's own format, or with sub-folders that are such; or the name
+        of a data set or the simulator, and a part of it after a colon.
+    data_dir
+        Folder that holds the data sets, see :func:`gaia_uwb.datasets.fetch.data_folder`.
+
+    Returns
+    -------
+    list of Scene
+        At least one.
+
+    Raises
+    ------
+    SourceError
+        If there is no such folder, name or part, or the data set has not been fetched.
+    InputError
+        If the data are wrong: the message names file, row and column.
+
+    Examples
+    --------
+    >>> from gaia_uwb.sources import load_scenes
+    >>> load_scenes("no-such-place")
+    Traceback (most recent call last):
+    gaia_uwb.errors.SourceError: no-such-place: neither a folder nor one of outdoor-uwb, sim
+    """
+    name, _, part = source.partition(":")
+    if name == SIMULATOR:
+        from gaia_uwb.simulate import load
+
+        return load(part)
+    if name in REGISTRY:
+        scenes: list[Scene] = import_function(REGISTRY[name].loader)(
+            dataset_folder(name, data_dir), part
+        )
+        return scenes
+    return [read_native(folder) for folder in _native_folders(source)]
+
+
+def check_source(source: str, *, data_dir: Path | None = None) -> list[CheckReport]:
+    """Check all that a source names; a scene that cannot be read gets a report that says so.
+
+    Parameters
+    ----------
+    source, data_dir
+        Like :func:`load_scenes`.
+
+    Returns
+    -------
+    list of CheckReport
+        One per scene; for a whole data set, one more on what its scenes do not show.
+
+    Raises
+    ------
+    SourceError
+        If there is no such folder, name or part, or the data set has not been fetched.
+    """
+    name, _, part = source.partition(":")
+    if name == SIMULATOR or name in REGISTRY:
+        try:
+            reports = [check_scene(scene) for scene in load_scenes(source, data_dir=data_dir)]
+            checker = REGISTRY[name].checker if name in REGISTRY and not part else None
+            if checker is not None:
+                reports.append(import_function(checker)(dataset_folder(name, data_dir)))
+        except InputError as error:
+            reports = [CheckReport.of_failure(source, error)]
+        return reports
+    return [_check_native(folder) for folder in _native_folders(source)]
+
+
+def _check_native(folder: Path) -> CheckReport:
+    try:
+        return check_scene(*read_with_notes(folder))
+    except InputError as error:
+        return CheckReport.of_failure(str(folder), error)
+
+
+def _native_folders(source: str) -> list[Path]:
+    """Return the folder itself, or those of its sub-folders that hold a scene."""
+    folder = Path(source)
+    if folder.is_file():
+        raise SourceError(f"{source}: is a file; name the folder that holds trajectory and ranges")
+    if not folder.is_dir():
+        known = ", ".join([*REGISTRY, SIMULATOR])
+        raise SourceError(f"{source}: neither a folder nor one of {known}")
+    inner = sorted(path for path in folder.iterdir() if path.is_dir() and is_native(path))
+    return inner if inner and not is_native(folder) else [folder]

@@ -1,0 +1,40 @@
+"""Shared fixtures; shapes and types in the package's annotations are executed while testing."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from jaxtyping import install_import_hook
+
+install_import_hook("gaia_uwb", "beartype.beartype")
+
+
+def _find_data_dir() -> Path | None:
+    """Return the folder that holds `outdoor-uwb/`: GAIA_DATA_DIR, else `shared/data` beside us."""
+    named = os.environ.get("GAIA_DATA_DIR")
+    beside = Path(__file__).parents[2] / "shared" / "data"
+    for folder in [Path(named)] if named else [beside]:
+        if (folder / "outdoor-uwb" / "Dynamic_measurements").is_dir():
+            return folder
+    return None
+
+
+@pytest.fixture(scope="session")
+def outdoor_dir() -> Path:
+    """Folder that contains `outdoor-uwb/`, or skip."""
+    folder = _find_data_dir()
+    if folder is None:
+        pytest.skip(
+            "left out: no outdoor UWB data set (set GAIA_DATA_DIR to a folder that holds it)"
+        )
+    return folder
+
+
+def pytest_report_header() -> str:
+    """Say up front whether the real data take part."""
+    folder = _find_data_dir()
+    return (
+        f"outdoor UWB data set: {'present' if folder else 'ABSENT, real-data tests are left out'}"
+    )

@@ -1,0 +1,277 @@
+"""Every command as a user runs it: outputs, exit codes, one clear line on bad input."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gaia_uwb import cli
+from gaia_uwb.datasets.native import write_native
+from gaia_uwb.simulate import PRESETS, simulate_pass
+
+FILES = (
+    "report.json",
+    "anchors.csv",
+    "ranges.parquet",
+    "boundary.geojson",
+    "plot.png",
+    "map.html",
+    "config.yaml",
+)
+
+
+def gaia(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "gaia_uwb", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def run_here(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *arguments: object
+) -> tuple[int, str, str]:
+    """Run a command in this process (quicker than a new one): exit code, stdout, stderr."""
+    monkeypatch.setattr(sys, "argv", ["gaia", *map(str, arguments)])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    out = capsys.readouterr()
+    code = stop.value.code
+    return (0 if code is None else int(code)), out.out, out.err
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
+    return lambda *arguments: run_here(capsys, monkeypatch, *arguments)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("log") / "my-log"
+    write_native(
+        simulate_pass(PRESETS["lane-closure"], seed=3).without_truth(), folder, file_format="csv"
+    )
+    return folder
+
+
+def test_reconstruct_writes_everything(run, log: Path, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    code, out, err = run("reconstruct", log, "--out", tmp_path / "out")
+    assert (code, err) == (0, "")
+    report = json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))
+    assert report["status"] == "ok"
+    assert report["metrics"] is None
+    assert len(report["anchors"]) == 8
+    for name in FILES:
+        assert (tmp_path / "out" / name).stat().st_size > 100
+        assert name in out
+
+
+def test_survey_gives_metrics(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    code, out, _ = run("reconstruct", "sim", "--out", tmp_path)
+    report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert code == 0
+    assert report["metrics"]["polygon_iou"]["value"] > 0.8
+    assert "against the survey" in out
+
+
+def test_straight_path_is_unreliable_and_says_why(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    code, out, _ = run("reconstruct", "sim:straight", "--out", tmp_path)
+    report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert code == 1
+    assert report["status"] == "unreliable"
+    assert "mirror" in " ".join(report["reasons"])
+    assert "mirror" in out
+
+
+def test_simulate_and_read_back(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    code, out, _ = run("simulate", "--episodes", 2, "--seed", 5, "--out", tmp_path / "passes")
+    assert code == 0
+    assert "2 passes" in out
+    assert sorted(p.name for p in (tmp_path / "passes").iterdir()) == [
+        "pass-0",
+        "pass-1",
+        "simulation.yaml",
+    ]
+    code, out, _ = run("data", "check", tmp_path / "passes" / "pass-1")
+    assert code == 0
+    assert "cone" in out
+
+
+def test_evaluate(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    code, out, _ = run(
+        "evaluate", "sim", "--methods", "raw,kalman", "--length", 64, "--out", tmp_path
+    )
+    assert code == 0
+    results = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    assert [row["method"] for row in results["rows"]] == ["raw", "kalman"]
+    assert results["protocol"]["length"] == "64"
+    assert (tmp_path / "episodes.csv").exists()
+    assert "kalman" in out
+
+
+def test_settings_file_and_options(run, log: Path, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    settings = tmp_path / "settings.yaml"
+    settings.write_text("denoiser: raw\nalignment: {clock_offset: 'off'}\n", encoding="utf-8")
+    run("reconstruct", log, "--config", settings, "--solver", "wls", "--out", tmp_path / "out")
+    used = json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))["config"]
+    assert used["denoiser"] == "raw"
+    assert used["alignment"]["clock_offset"] == "off"
+    assert used["solver"]["kind"] == "wls"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("reconstruct", "no-such-thing"), "no-such-thing"),
+        (("reconstruct", "sim", "--denoiser", "magic"), "magic"),
+        (("reconstruct", "sim:nowhere"), "nowhere"),
+        (("evaluate", "sim", "--methods", "raw,raw"), "raw,raw"),
+        (("evaluate", "sim", "--length", "long"), "long"),
+        (("evaluate", "sim", "--true-nlos-labels"), "wls"),
+        (("simulate", "--preset", "moon", "--out", "passes"), "moon"),
+        (("reconstruct", "sim", "--config", "absent.yaml"), "absent.yaml"),
+        (("data", "fetch", "moon-uwb"), "moon-uwb"),
+        (("reconstruct", "outdoor-uwb", "--data-dir", "empty"), "gaia data fetch"),
+    ],
+)
+def test_bad_usage_is_one_line(
+    run,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,  # type: ignore[no-untyped-def]
+    arguments: tuple[str, ...],
+    says: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(*arguments)
+    assert code == 2
+    assert err.count("\n") == 1
+    assert err.startswith("gaia: ")
+    assert says in err
+
+
+def edit(folder: Path, table: str, line: int, text: str) -> None:
+    path = folder / table
+    lines = path.read_text(encoding="utf-8").splitlines()
+    lines[line - 1] = text
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+BAD_LOGS = {
+    "empty file": (lambda f: (f / "ranges.csv").write_text("", encoding="utf-8"), "ranges.csv"),
+    "header only": (
+        lambda f: (f / "ranges.csv").write_text("t_s,anchor_id,range_m\n", "utf-8"),
+        "ranges.csv",
+    ),
+    "not a number": (lambda f: edit(f, "ranges.csv", 5, "1.0,cone-1,abc"), "row 5"),
+    "NaN": (lambda f: edit(f, "ranges.csv", 5, "1.0,cone-1,nan"), "row 5"),
+    "unsorted trajectory": (lambda f: edit(f, "trajectory.csv", 9, "0.0,0.0,0.0,1.5"), "row 9"),
+    "not UTF-8": (
+        lambda f: (f / "ranges.csv").write_bytes(b"t_s,anchor_id,range_m\n1.0,\xff,2.0\n"),
+        "ranges.csv",
+    ),
+    "no trajectory": (lambda f: (f / "trajectory.csv").unlink(), "trajectory"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_LOGS)
+def test_bad_log_is_one_line_and_nothing_is_written(
+    run, log: Path, tmp_path: Path, name: str
+) -> None:  # type: ignore[no-untyped-def]
+    spoil, says = BAD_LOGS[name]
+    folder = tmp_path / "log"
+    shutil.copytree(log, folder)
+    spoil(folder)
+    code, _, err = run("reconstruct", folder, "--out", tmp_path / "out")
+    assert code == 2, err
+    assert err.count("\n") == 1
+    assert says in err
+    assert "Traceback" not in err
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def scaled(folder: Path, table: str, column: str, change) -> None:  # type: ignore[no-untyped-def]
+    import polars as pl
+
+    path = folder / table
+    pl.read_csv(path).with_columns(change(pl.col(column))).write_csv(path)
+
+
+@pytest.mark.parametrize(
+    ("table", "column", "change", "says"),
+    [
+        ("ranges.csv", "range_m", lambda c: c * 1000.0, "millimetres"),
+        ("ranges.csv", "t_s", lambda c: c + 3600.0, "clocks"),
+    ],
+    ids=["millimetres", "clocks an hour apart"],
+)
+def test_wrong_units_and_clocks(
+    run,
+    log: Path,
+    tmp_path: Path,  # type: ignore[no-untyped-def]
+    table: str,
+    column: str,
+    change,
+    says: str,
+) -> None:
+    folder = tmp_path / "log"
+    shutil.copytree(log, folder)
+    scaled(folder, table, column, change)
+    code, _, err = run("reconstruct", folder, "--out", tmp_path / "out")
+    assert code == 2
+    assert says in err
+    assert err.count("\n") == 1
+
+
+def test_parked_vehicle_is_refused(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    code, _, err = run("reconstruct", "sim:parked", "--out", tmp_path)
+    assert code == 2
+    assert "moves" in err
+    assert err.count("\n") == 1
+
+
+def test_one_anchor_is_located_without_a_boundary(run, log: Path, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    import polars as pl
+
+    folder = tmp_path / "log"
+    shutil.copytree(log, folder)
+    ranges = pl.read_csv(folder / "ranges.csv")
+    ranges.filter(pl.col("anchor_id") == "cone-4").write_csv(folder / "ranges.csv")
+    (folder / "anchors.csv").unlink()
+    code, out, _ = run("reconstruct", folder, "--out", tmp_path / "out")
+    assert code == 1
+    assert "fewer than three anchors" in out
+
+
+def test_unwritable_output_is_told_before_the_work(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    code, _, err = run("reconstruct", "sim", "--out", tmp_path / "file" / "out")
+    assert code == 2
+    assert "file" in err
+
+
+def test_interrupt_is_one_line(run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gaia_uwb.evaluate.prepare", stop)
+    code, _, err = run("reconstruct", "sim", "--out", tmp_path)
+    assert code == cli.INTERRUPTED
+    assert "Traceback" not in err
+
+
+def test_module_and_version_from_the_shell() -> None:
+    done = gaia("--version")
+    assert done.returncode == 0
+    assert done.stdout.startswith("gaia 0.")
+    assert "reconstruct" in gaia("--help").stdout
+
+
+@pytest.mark.real_data
+def test_real_run_from_the_shell(outdoor_dir: Path, tmp_path: Path) -> None:
+    done = gaia("reconstruct", "outdoor-uwb:NLOS/B/4", "--data-dir", outdoor_dir, "--out", tmp_path)
+    assert done.returncode in (0, 1), done.stderr
+    report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert report["metrics"]["anchor_mae"]["value"] < 0.15
+    assert report["uncertainty_note"]

@@ -1,0 +1,36 @@
+"""One base class, one line of text, and the place of the fault."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gaia_uwb import errors
+
+
+@pytest.mark.parametrize(
+    "kind", [errors.ConfigError, errors.SourceError, errors.DownloadError, errors.InputError]
+)
+def test_one_base_class_catches_all(kind: type[errors.GaiaError]) -> None:
+    with pytest.raises(errors.GaiaError, match=r"^what went wrong$"):
+        raise kind("what went wrong")
+
+
+@pytest.mark.parametrize(
+    ("place", "text"),
+    [
+        ({}, "bad"),
+        ({"source": Path("a.csv")}, "a.csv: bad"),
+        ({"row": 3}, "row 3: bad"),
+        ({"column": "t_s"}, "column t_s: bad"),
+        ({"source": "a.csv", "row": 3, "column": "t_s"}, "a.csv, row 3, column t_s: bad"),
+    ],
+)
+def test_input_error_says_where(place: dict, text: str) -> None:
+    error = errors.InputError("bad", **place)
+    assert str(error) == text
+    assert error.problem == "bad"
+    assert (error.source, error.row, error.column) == tuple(
+        place.get(name) for name in ("source", "row", "column")
+    )

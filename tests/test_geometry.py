@@ -1,0 +1,382 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from shapely import LinearRing, MultiPoint, Point, Polygon
+
+from gaia_uwb.errors import InputError
+from gaia_uwb.estimate import BoundaryStatus
+from gaia_uwb.geometry import (
+    convex_hull,
+    convex_intersection,
+    hausdorff,
+    make_boundary,
+    ordered_outline,
+    polygon_area,
+    polygon_iou,
+    reflect_in_line,
+    rigid_align,
+    rotation_matrix,
+)
+
+SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
+UTM = np.array([691_000.0, 5_334_000.0])
+EAST = np.array([1.0, 0.0])
+NOWHERE = np.full((1, 2), np.nan)
+
+quick = settings(max_examples=40, deadline=None)
+angles = st.floats(-3.0, 3.0)
+
+
+def clouds(least: int = 3, most: int = 12) -> st.SearchStrategy[np.ndarray]:
+    """Points of a work zone: on a centimetre grid, so that ties and lines do occur."""
+    return arrays(
+        np.int64, st.tuples(st.integers(least, most), st.just(2)), elements=st.integers(-999, 999)
+    ).map(lambda grid: grid / 100.0)
+
+
+def small_grids(most: int = 9) -> st.SearchStrategy[np.ndarray]:
+    """Points on a 5 x 5 grid: full of duplicates, lines and touching edges."""
+    return arrays(
+        np.int64, st.tuples(st.integers(1, most), st.just(2)), elements=st.integers(0, 4)
+    ).map(lambda grid: grid.astype(float))
+
+
+def moved(points: np.ndarray, angle_rad: float, shift: np.ndarray = UTM) -> np.ndarray:
+    return points @ rotation_matrix(angle_rad).T + shift
+
+
+def sampled_boundary(corners: np.ndarray, n: int = 4000) -> np.ndarray:
+    """Corners and n points of each edge."""
+    fraction = np.arange(n)[:, None] / n
+    ends = np.roll(corners, -1, axis=0)
+    return np.concatenate([a + fraction * (b - a) for a, b in zip(corners, ends, strict=True)])
+
+
+class TestConvexHull:
+    @quick
+    @given(clouds(1) | small_grids())
+    def test_is_shapelys(self, points: np.ndarray) -> None:
+        hull = convex_hull(points)
+        reference = MultiPoint(points).convex_hull
+        assert {tuple(p) for p in hull} <= {tuple(p) for p in points}
+        if reference.geom_type == "Polygon":
+            assert Polygon(hull).normalize() == reference.normalize()
+            assert LinearRing(hull).is_ccw
+        else:
+            assert len(hull) == len(reference.coords)
+            assert {tuple(p) for p in hull} == set(reference.coords)
+
+    @quick
+    @given(small_grids(), angles)
+    def test_keeps_its_corners_when_turned_and_shifted_far(
+        self, points: np.ndarray, angle_rad: float
+    ) -> None:
+        here, there = convex_hull(points), convex_hull(moved(points, angle_rad))
+        assert len(there) == len(here)
+        order = np.lexsort(moved(here, angle_rad).round(5).T)
+        np.testing.assert_allclose(
+            there[np.lexsort(there.round(5).T)], moved(here, angle_rad)[order], atol=1e-6
+        )
+
+    @pytest.mark.parametrize("angle_rad", np.linspace(0.0, np.pi, 25))
+    @pytest.mark.parametrize("shift", [np.zeros(2), UTM])
+    def test_points_on_a_line_have_two_ends(self, angle_rad: float, shift: np.ndarray) -> None:
+        along = np.array([3.0, 0.0, 1.0, 7.0, 0.1, 5.5, 7.0])
+        line = moved(np.stack([along, np.zeros(7)], axis=1), angle_rad, shift)
+        hull = convex_hull(line)
+        assert sorted(np.argmin(np.hypot(*(line - end).T)) for end in hull) == [1, 3]
+
+    def test_keeps_a_corner_of_a_millimetre_on_a_kilometre(self) -> None:
+        assert len(convex_hull(np.array([[0.0, 0.0], [1000.0, 0.0], [500.0, 0.001]]) + UTM)) == 3
+
+    def test_ignores_points_that_were_not_located(self) -> None:
+        points = np.concatenate([NOWHERE, SQUARE, [[np.inf, 0.0]]])
+        np.testing.assert_array_equal(convex_hull(points), SQUARE)
+
+    def test_of_nothing_is_nothing(self) -> None:
+        assert convex_hull(NOWHERE).shape == (0, 2)
+        assert convex_hull(np.zeros((0, 2))).shape == (0, 2)
+
+
+class TestArea:
+    def test_takes_either_sense_and_any_simple_polygon(self) -> None:
+        arrow = np.array([[0.0, 0.0], [4.0, 0.0], [1.0, 1.0], [0.0, 4.0]])
+        assert polygon_area(arrow) == polygon_area(arrow[::-1]) == 4.0
+
+    @pytest.mark.parametrize("n", [0, 1, 2])
+    def test_is_zero_below_three_corners(self, n: int) -> None:
+        assert polygon_area(SQUARE[:n]) == 0.0
+
+    def test_loses_nothing_far_from_the_origin(self) -> None:
+        assert polygon_area(SQUARE + UTM) == pytest.approx(4.0, abs=1e-6)
+
+
+class TestIntersection:
+    @quick
+    @given(clouds(), clouds())
+    def test_is_shapelys(self, first: np.ndarray, second: np.ndarray) -> None:
+        reference = MultiPoint(first).convex_hull.intersection(MultiPoint(second).convex_hull)
+        shared = convex_intersection(first, second)
+        assert polygon_area(shared) == pytest.approx(reference.area, abs=1e-6)
+        if len(shared) >= 3:
+            assert all(reference.distance(Point(corner)) < 1e-6 for corner in shared)
+            assert LinearRing(shared).is_ccw
+
+    def test_of_polygons_apart_is_empty(self) -> None:
+        assert convex_intersection(SQUARE, SQUARE + 5.0).shape == (0, 2)
+
+    @pytest.mark.parametrize("shift", [[2.0, 0.5], [2.0, 2.0]])
+    def test_of_polygons_that_touch_has_no_area(self, shift: list[float]) -> None:
+        assert polygon_area(convex_intersection(SQUARE, SQUARE + shift)) == 0.0
+
+    def test_of_a_polygon_inside_is_that_polygon(self) -> None:
+        inner = SQUARE / 4.0 + 0.5
+        np.testing.assert_array_equal(convex_intersection(SQUARE, inner), inner)
+        np.testing.assert_array_equal(convex_intersection(inner, SQUARE), inner)
+
+
+class TestIou:
+    @quick
+    @given(clouds(), clouds(), angles)
+    def test_is_shapelys_symmetric_and_the_same_anywhere(
+        self, first: np.ndarray, second: np.ndarray, angle_rad: float
+    ) -> None:
+        a, b = MultiPoint(first).convex_hull, MultiPoint(second).convex_hull
+        assume(min(a.area, b.area) > 0.1)
+        iou = polygon_iou(first, second)
+        assert iou == pytest.approx(a.intersection(b).area / a.union(b).area, abs=1e-9)
+        assert polygon_iou(second, first) == pytest.approx(iou, abs=1e-9)
+        there = polygon_iou(moved(first, angle_rad), moved(second, angle_rad))
+        assert there == pytest.approx(iou, abs=1e-6)
+
+    @quick
+    @given(clouds())
+    def test_is_one_only_with_itself(self, points: np.ndarray) -> None:
+        assume(MultiPoint(points).convex_hull.area > 0.1)
+        assert polygon_iou(points, points) == pytest.approx(1.0, abs=1e-12)
+        assert polygon_iou(points, points + EAST / 10.0) < 1.0
+
+    @pytest.mark.parametrize("degenerate", [SQUARE[:0], SQUARE[:1], SQUARE[:2], NOWHERE])
+    def test_is_zero_without_area(self, degenerate: np.ndarray) -> None:
+        assert polygon_iou(degenerate, SQUARE) == 0.0
+        assert polygon_iou(SQUARE, degenerate) == 0.0
+        assert polygon_iou(degenerate, degenerate) == 0.0
+
+
+class TestHausdorff:
+    @quick
+    @given(clouds(1, 8), clouds(1, 8))
+    def test_is_that_of_densely_sampled_boundaries(
+        self, first: np.ndarray, second: np.ndarray
+    ) -> None:
+        a, b = convex_hull(first), convex_hull(second)
+        dense_a, dense_b = sampled_boundary(a, 60), sampled_boundary(b, 60)
+        gap = np.hypot(*(dense_a[:, None] - dense_b).transpose(2, 0, 1))
+        dense = max(gap.min(axis=1).max(), gap.min(axis=0).max())
+        longest_edge_m = max(np.ptp(c, axis=0).max() * np.sqrt(2.0) for c in (a, b))
+        assert hausdorff(first, second) == pytest.approx(dense, abs=longest_edge_m / 60 + 1e-9)
+
+    def test_needs_no_point_inside_an_edge(self) -> None:
+        # The lower edge of the slab, inside the square, is farthest from the square's boundary in
+        # its middle (10 m); a corner of the square is still farther from the slab.
+        square = 10.0 * SQUARE
+        slab = np.array([[1.0, 10.0], [19.0, 10.0], [19.0, 11.0], [1.0, 11.0]])
+        inner, outer = sampled_boundary(slab), sampled_boundary(square)
+        from_slab = np.minimum(inner, 20.0 - inner).min(axis=1)
+        assert from_slab.max() == pytest.approx(10.0, abs=1e-2)
+        to_slab = np.hypot(*(outer - np.clip(outer, [1.0, 10.0], [19.0, 11.0])).T)
+        assert hausdorff(square, slab) == pytest.approx(max(from_slab.max(), to_slab.max()))
+        assert hausdorff(square, slab) == pytest.approx(np.hypot(1.0, 10.0))
+
+    @quick
+    @given(clouds(1, 6), clouds(1, 6), clouds(1, 6), angles)
+    def test_is_a_metric_and_the_same_anywhere(
+        self, first: np.ndarray, second: np.ndarray, third: np.ndarray, angle_rad: float
+    ) -> None:
+        distance = hausdorff(first, second)
+        assert hausdorff(second, first) == pytest.approx(distance, abs=1e-12)
+        assert hausdorff(first, first) == 0.0
+        assert distance <= hausdorff(first, third) + hausdorff(third, second) + 1e-9
+        there = hausdorff(moved(first, angle_rad), moved(second, angle_rad))
+        assert there == pytest.approx(distance, abs=1e-6)
+
+    @pytest.mark.parametrize(
+        ("first", "second", "expected_m"),
+        [
+            ([[0, 0]], [[3, 4]], 5.0),
+            ([[0, 0], [4, 0]], [[2, 1]], np.hypot(2, 1)),
+            ([[0, 0], [4, 0], [2, 0]], [[0, 3], [4, 3]], 3.0),
+            ([[1, 1]], SQUARE.tolist(), np.sqrt(2)),
+            ([[0, 0], [2, 0]], SQUARE.tolist(), 2.0),
+        ],
+    )
+    def test_of_segments_and_points(
+        self, first: list[list[float]], second: list[list[float]], expected_m: float
+    ) -> None:
+        distance = hausdorff(np.array(first, dtype=float), np.array(second, dtype=float))
+        assert distance == pytest.approx(expected_m)
+
+    @pytest.mark.parametrize("nothing", [np.zeros((0, 2)), NOWHERE])
+    def test_of_nothing_is_refused(self, nothing: np.ndarray) -> None:
+        with pytest.raises(InputError, match="finite point on both sides"):
+            hausdorff(SQUARE, nothing)
+        with pytest.raises(InputError, match="finite point on both sides"):
+            hausdorff(nothing, SQUARE)
+
+
+class TestOutline:
+    @quick
+    @given(clouds(1, 20) | small_grids(16))
+    def test_is_simple_counter_clockwise_and_visits_each_point_once(
+        self, points: np.ndarray
+    ) -> None:
+        order = ordered_outline(points)
+        assert sorted(order) == list(range(len(points)))
+        assert order[0] == 0
+        if MultiPoint(points).convex_hull.area > 0.0:
+            stops = points[list(order)]
+            stops = stops[np.any(stops != np.roll(stops, 1, axis=0), axis=1)]
+            assert len(stops) == len(np.unique(points, axis=0))  # one place, one visit
+            ring = LinearRing(stops)
+            assert ring.is_simple
+            assert ring.is_ccw
+
+    @quick
+    @given(clouds(1, 12), st.randoms(use_true_random=False))
+    def test_does_not_depend_on_the_order_or_the_frame(self, points: np.ndarray, random) -> None:  # type: ignore[no-untyped-def]  # hypothesis' Random
+        points = np.unique(points, axis=0)
+        shuffled = list(range(len(points)))
+        random.shuffle(shuffled)
+        outline, other = ordered_outline(points), ordered_outline(points[shuffled])
+        visited = [shuffled[k] for k in other]
+        start = visited.index(outline[0])
+        assert tuple(visited[start:] + visited[:start]) == outline
+
+    def test_stays_counter_clockwise_where_an_exchange_turns_the_tour_round(self) -> None:
+        grid = [[0, 2], [3, 4], [3, 7], [4, 3], [5, 1], [6, 2], [9, 0]]
+        points = np.array(grid, dtype=float)
+        assert LinearRing(points[list(ordered_outline(points))]).is_ccw
+
+    def test_of_points_on_a_circle_is_their_hull(self) -> None:
+        angle_rad = np.array([0.3, 5.0, 2.0, 4.1, 1.0, 3.3])
+        circle = 20.0 * np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=1) + UTM
+        assert ordered_outline(circle) == (0, 4, 2, 5, 3, 1)
+
+    def test_follows_a_bend_where_the_hull_cuts_across(self) -> None:
+        # A lane closure round a bend of 90 degrees: cones on its inner and its outer side.
+        angle_rad = np.linspace(0.0, np.pi / 2, 12)
+        arc = np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=1)
+        cones = np.concatenate([30.0 * arc, 26.5 * arc])
+        boundary = make_boundary(cones)
+        assert boundary.outline_index == (*range(12), *range(23, 11, -1))
+        lane_m2 = np.pi / 4 * (30.0**2 - 26.5**2)
+        assert polygon_area(boundary.outline_m) == pytest.approx(lane_m2, rel=0.02)
+        assert boundary.area_m2 > 1.9 * lane_m2
+
+    def test_leaves_out_points_that_were_not_located(self) -> None:
+        points = np.concatenate([NOWHERE, SQUARE[[2, 0]], NOWHERE, SQUARE[[3, 1]]])
+        assert ordered_outline(points) == (1, 4, 2, 5)
+
+    def test_of_a_line_goes_there_in_order(self) -> None:
+        line = moved(np.array([[0.0, 0.0], [5.0, 0.0], [2.0, 0.0], [3.0, 0.0]]), 0.7)
+        assert ordered_outline(line) in {(0, 2, 3, 1), (0, 1, 3, 2)}
+
+    @pytest.mark.parametrize("n", [0, 1, 2])
+    def test_of_less_than_three_points(self, n: int) -> None:
+        assert ordered_outline(SQUARE[:n]) == tuple(range(n))
+
+
+class TestBoundary:
+    def test_encloses_the_anchors(self) -> None:
+        boundary = make_boundary(np.concatenate([SQUARE, [[1.0, 0.5]], NOWHERE]))
+        assert boundary.status is BoundaryStatus.OK
+        assert boundary.area_m2 == 4.0
+        np.testing.assert_array_equal(boundary.hull_m, SQUARE)
+        assert boundary.outline_index == (0, 4, 1, 2, 3)
+        np.testing.assert_array_equal(boundary.outline_m[1], [1.0, 0.5])
+
+    @pytest.mark.parametrize(
+        ("points", "status", "corners"),
+        [
+            (NOWHERE, BoundaryStatus.TOO_FEW_ANCHORS, 0),
+            (SQUARE[:1], BoundaryStatus.TOO_FEW_ANCHORS, 1),
+            (SQUARE[:2], BoundaryStatus.TOO_FEW_ANCHORS, 2),
+            (np.array([[0.0, 0.0], [0.1, 0.1], [0.3, 0.3]]) + UTM, BoundaryStatus.COLLINEAR, 2),
+            (np.ones((4, 2)), BoundaryStatus.COLLINEAR, 1),
+        ],
+    )
+    def test_says_why_it_encloses_nothing(
+        self, points: np.ndarray, status: BoundaryStatus, corners: int
+    ) -> None:
+        boundary = make_boundary(points)
+        assert boundary.status is status
+        assert boundary.area_m2 == 0.0
+        assert len(boundary.hull_m) == corners
+        assert len(boundary.outline_m) == np.isfinite(points).all(axis=1).sum()
+
+
+class TestRigidAlignment:
+    @quick
+    @given(clouds(2), angles)
+    def test_undoes_a_move(self, points: np.ndarray, angle_rad: float) -> None:
+        assume(np.ptp(points, axis=0).max() > 0.1)
+        alignment = rigid_align(points + UTM, moved(points, angle_rad))
+        np.testing.assert_allclose(alignment.points_m, moved(points, angle_rad), atol=1e-6)
+        assert alignment.rotation_rad == pytest.approx(angle_rad, abs=1e-6)
+        again = moved(points + UTM, alignment.rotation_rad, alignment.translation_m)
+        np.testing.assert_allclose(again, alignment.points_m, atol=1e-6)
+
+    @quick
+    @given(clouds(5, 5), clouds(5, 5), st.floats(-1e-2, 1e-2), st.floats(-0.1, 0.1))
+    def test_no_other_move_fits_better(
+        self, points: np.ndarray, true_m: np.ndarray, turn_rad: float, shift_m: float
+    ) -> None:
+        best = rigid_align(points, true_m)
+        shifted_m = best.translation_m + shift_m * EAST
+        other = moved(points, best.rotation_rad + turn_rad, shifted_m)
+        best_m2 = ((best.points_m - true_m) ** 2).sum()
+        assert best_m2 <= ((other - true_m) ** 2).sum() + 1e-9
+
+    def test_never_mirrors(self) -> None:
+        triangle = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]])
+        aligned = rigid_align(triangle * [1.0, -1.0], triangle).points_m
+        assert np.hypot(*(aligned - triangle).T).max() > 1.0
+
+    def test_of_one_place_only_shifts(self) -> None:
+        alignment = rigid_align(np.zeros((2, 2)), np.ones((2, 2)))
+        assert alignment.rotation_rad == 0.0
+        np.testing.assert_array_equal(alignment.points_m, np.ones((2, 2)))
+
+    def test_refuses_nothing_and_what_is_not_finite(self) -> None:
+        with pytest.raises(InputError, match="at least one point"):
+            rigid_align(np.zeros((0, 2)), np.zeros((0, 2)))
+        with pytest.raises(InputError, match=r"true_m: expected shape \(4, 2\), got \(3, 2\)"):
+            rigid_align(SQUARE, SQUARE[:3])
+        with pytest.raises(InputError, match=r"estimated_m: .*NaN"):
+            rigid_align(NOWHERE, np.zeros((1, 2)))
+        with pytest.raises(InputError, match=r"true_m: .*NaN"):
+            rigid_align(np.zeros((1, 2)), NOWHERE)
+
+
+class TestReflection:
+    @quick
+    @given(clouds(), angles)
+    def test_twice_is_nothing_and_the_line_stays(
+        self, points: np.ndarray, angle_rad: float
+    ) -> None:
+        direction = 3.0 * rotation_matrix(angle_rad)[:, 0]
+        normal = rotation_matrix(angle_rad)[:, 1]
+        mirrored = reflect_in_line(points + UTM, UTM, direction)
+        again = reflect_in_line(mirrored, UTM, direction)
+        np.testing.assert_allclose(again, points + UTM, atol=1e-6)
+        np.testing.assert_allclose((mirrored - UTM) @ normal, -(points @ normal), atol=1e-6)
+        np.testing.assert_allclose((mirrored - UTM) @ direction, points @ direction, atol=1e-6)
+
+    @pytest.mark.parametrize("direction", [[0.0, 0.0], [np.nan, 1.0], [np.inf, 0.0]])
+    def test_needs_a_direction(self, direction: list[float]) -> None:
+        with pytest.raises(InputError, match="direction with a length"):
+            reflect_in_line(SQUARE, np.zeros(2), np.array(direction))

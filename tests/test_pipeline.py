@@ -1,0 +1,130 @@
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from gaia_uwb.config import PipelineConfig, SolverConfig, make_config
+from gaia_uwb.errors import ConfigError, InputError
+from gaia_uwb.estimate import AnchorFix, AnchorStatus
+from gaia_uwb.pipeline import ReconstructionStatus, prepare, reconstruct, reconstruct_episodes
+from gaia_uwb.scene import RangeLog, Scene, Trajectory, Truth
+
+RAW = PipelineConfig(denoiser="raw")
+CONES = np.array([[10.0, 6.0], [18.0, 5.0], [26.0, 6.5], [20.0, 11.0], [12.0, 10.0]])
+
+
+def make_scene(cones=CONES, *, bend_m=4.0, seed=0, seconds=20.0, stop_s=np.inf):
+    """Return a drive at 2 m/s past cones; after ``stop_s`` nothing is heard of the last one."""
+    rng = np.random.default_rng(seed)
+    t_s = np.arange(0.0, seconds, 0.1)
+    path = np.stack([2.0 * t_s, bend_m * np.sin(0.5 * t_s) - 2.0], axis=1)
+    range_m = np.linalg.norm(path[:, None] - cones, axis=2)
+    range_m += 0.05 * rng.standard_normal(range_m.shape)
+    step, anchor = np.nonzero(np.ones_like(range_m, dtype=bool))
+    use = (anchor < len(cones) - 1) | (t_s[step] < stop_s)
+    step, anchor = step[use], anchor[use]
+    return Scene(
+        name="drive", trajectory=Trajectory(t_s, path),
+        ranges=RangeLog(t_s[step], anchor, range_m[step, anchor]),
+        anchor_ids=tuple(f"cone-{n}" for n in range(len(cones))), truth=Truth(cones),
+    )  # fmt: skip
+
+
+def assert_same(a, b):
+    assert (a.status, a.reasons, a.config) == (b.status, b.reasons, b.config)
+    assert np.array_equal(a.boundary.hull_m, b.boundary.hull_m)
+    assert np.array_equal(a.denoised.range_m, b.denoised.range_m, equal_nan=True)
+    for one, other in zip(a.anchors, b.anchors, strict=True):
+        for field in fields(AnchorFix):
+            x, y = getattr(one, field.name), getattr(other, field.name)
+            same = np.array_equal(x, y, equal_nan=isinstance(x, (np.ndarray, float)))
+            assert same, field.name
+
+
+def test_a_clean_drive_gives_the_zone():
+    result = reconstruct(make_scene())
+    places = np.stack([anchor.position_m for anchor in result.anchors])
+    assert np.linalg.norm(places - CONES, axis=1).max() < 0.2
+    assert result.status is ReconstructionStatus.OK
+    assert result.reasons == ()
+    assert result.episode.truth is None
+    assert result.config == PipelineConfig()
+
+
+@pytest.mark.parametrize("denoiser", ["raw", "pose-kalman"])
+def test_the_truth_is_never_looked_at(denoiser):
+    config = PipelineConfig(denoiser=denoiser)
+    scene = make_scene()
+    wrong = Truth(np.random.default_rng(1).normal(0, 99, CONES.shape), clock_offset_s=5.0,
+                  nlos=np.ones(len(scene.ranges), dtype=bool))  # fmt: skip
+    plain = reconstruct(scene.without_truth(), config)
+    assert_same(plain, reconstruct(replace(scene, truth=wrong), config))
+    assert_same(plain, reconstruct(scene, config))
+    with_truth = prepare(replace(scene, truth=wrong), config)
+    assert_same(plain, reconstruct_episodes([with_truth], config)[0])
+
+
+@pytest.mark.parametrize("denoiser", ["raw", "pose-kalman"])
+def test_a_batch_gives_what_each_episode_alone_gives(denoiser):
+    config = PipelineConfig(denoiser=denoiser)
+    run = prepare(make_scene(), config)
+    episodes = [*run.windows(64), run, prepare(make_scene(seed=2, stop_s=3.0), config)]
+    together = reconstruct_episodes(episodes, config)
+    for episode, result in zip(episodes, together, strict=True):
+        assert_same(result, reconstruct_episodes([episode], config)[0])
+
+
+def test_no_episodes_give_no_results():
+    assert reconstruct_episodes([]) == []
+
+
+def test_calibration_can_be_left_out():
+    off = make_config({"calibration": {"range_bias": "off"}})
+    assert prepare(make_scene(), off).calibration is None
+    assert prepare(make_scene()).calibration is not None
+
+
+def test_true_labels_are_for_the_papers_solver():
+    scene = make_scene()
+    config = PipelineConfig(denoiser="raw", solver=SolverConfig(kind="wls"))
+    episode = prepare(scene, config)
+    nlos = np.random.default_rng(3).random(episode.range_m.shape) < 0.5
+    (labelled,) = reconstruct_episodes([episode], config, true_nlos=[nlos])
+    (plain,) = reconstruct_episodes([episode], config)
+    assert not np.array_equal(labelled.anchors[0].position_m, plain.anchors[0].position_m)
+    with pytest.raises(ValueError, match="takes no NLOS labels"):
+        reconstruct_episodes([episode], RAW, true_nlos=[nlos])
+
+
+def test_a_straight_path_is_unreliable_and_says_so():
+    result = reconstruct(make_scene(CONES[:2], bend_m=0.0), RAW)
+    assert result.status is ReconstructionStatus.UNRELIABLE
+    assert result.reasons == (
+        "anchors cone-0, cone-1: located, but the mirror image beside the path fits nearly as well",
+        "fewer than three anchors were located, so there is no boundary",
+    )
+
+
+def test_an_anchor_hardly_heard_is_named():
+    result = reconstruct(make_scene(stop_s=0.25), RAW)
+    assert result.anchors[-1].status is AnchorStatus.TOO_FEW_RANGES
+    assert result.reasons == ("anchor cone-4: too few usable ranges to locate it",)
+    assert len(result.boundary.outline_index) == 4
+
+
+def test_many_anchors_are_not_all_listed():
+    cones = np.column_stack([np.linspace(2.0, 38.0, 8), np.full(8, 6.0)])
+    config = RAW.model_copy(update={"solver": SolverConfig(ill_conditioned_above_m=1e-3)})
+    result = reconstruct(make_scene(cones), config)
+    assert result.reasons[0].startswith(
+        "anchors cone-0, cone-1, cone-2, cone-3, cone-4 and 3 more: the ranges fix"
+    )
+
+
+def test_what_cannot_be_done_is_said():
+    scene = make_scene()
+    with pytest.raises(ConfigError, match="no-such"):
+        reconstruct(scene, PipelineConfig(denoiser="no-such"))
+    ranges = replace(scene.ranges, t_s=scene.ranges.t_s + 3600.0)
+    with pytest.raises(InputError):
+        reconstruct(replace(scene, ranges=ranges))

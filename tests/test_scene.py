@@ -1,0 +1,196 @@
+"""Scenes and their parts: checked when built, never changed afterwards."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from gaia_uwb.errors import InputError
+from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory, Truth
+from outside import annotations_off
+
+DRIVE = Trajectory(
+    t_s=np.array([0.0, 1.0, 2.0]),
+    position_m=np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 10.0]]),
+    up_m=np.full(3, 1.6),
+)
+LOG = RangeLog(
+    t_s=np.array([0.1, 0.1, 1.2]), anchor=np.array([0, 1, 0]), range_m=np.array([5.0, 6.0, -0.3])
+)
+SCENE = Scene(
+    name="pass",
+    trajectory=DRIVE,
+    ranges=LOG,
+    anchor_ids=("a", "b"),
+    anchor_up_m=np.array([0.9, np.nan]),
+    truth=Truth(np.zeros((2, 2)), nlos=np.array([True, False, False]), range_m=np.ones(3)),
+)
+TIMES = hnp.arrays(np.float64, st.integers(0, 8), elements=st.floats(-1e9, 1e9) | st.just(np.nan))
+
+
+@pytest.mark.parametrize("lat_lon_alt", [(90.0, -180.0, 0.0), (-90.0, 180.0, -100.0)])
+def test_frames_anywhere_on_earth(lat_lon_alt: tuple[float, float, float]) -> None:
+    assert LocalFrame(*lat_lon_alt).alt_m == lat_lon_alt[2]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"lat_deg": 90.1}, r"lat_deg: expected a number within \+-90, got 90.1"),
+        ({"lon_deg": -181.0}, "lon_deg: expected a number within"),
+        ({"alt_m": float("inf")}, "alt_m: expected a number within"),
+        ({"lat_deg": float("nan")}, "lat_deg: expected a number within"),
+    ],
+)
+def test_frames_off_earth(changes: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        replace(LocalFrame(48.0, 11.0), **changes)
+
+
+def test_path_length() -> None:
+    assert len(DRIVE) == 3
+    assert DRIVE.path_length_m == pytest.approx(11.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"t_s": np.zeros(1)}, "t_s: expected at least 2 samples, got 1"),
+        ({"t_s": np.zeros((3, 1))}, "t_s: expected at least 2 samples"),
+        ({"t_s": np.array([0.0, 1.0, 1.0])}, "row 3, column t_s: expected increasing time"),
+        ({"t_s": np.array([0.0, np.nan, 1.0])}, "row 2, column t_s: expected finite"),
+        ({"position_m": np.zeros((3, 3))}, r"position_m: expected shape \(3, 2\), got \(3, 3\)"),
+        ({"position_m": np.full((3, 2), np.inf)}, "row 1, column position_m: expected finite"),
+        ({"up_m": np.zeros(2)}, "up_m: expected shape"),
+        ({"up_m": np.array([0.0, 0.0, np.nan])}, "row 3, column up_m: expected finite"),
+        ({"position_m": np.array([["a", "b"]] * 3)}, "position_m: expected float64 values"),
+    ],
+)
+def test_a_trajectory_refuses(changes: dict, message: str) -> None:
+    with annotations_off(), pytest.raises(InputError, match=message):
+        replace(DRIVE, **changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"t_s": np.zeros(0)}, "t_s: expected at least one range, got none"),
+        ({"anchor": np.array([0, 1])}, r"anchor: expected shape \(3,\), got \(2,\)"),
+        ({"anchor": np.array([0, -1, 0])}, "anchor: expected indices from 0, got -1"),
+        ({"anchor": np.array([0.0, 1.0, 0.0])}, "anchor: expected int64 values, got float64"),
+        ({"anchor": np.array([1, 1, 0])}, "row 2, column t_s: anchor 1 has two readings at 0.1000"),
+        ({"range_m": np.zeros(4)}, "range_m: expected shape"),
+        ({"range_m": np.array([1.0, np.nan, 1.0])}, "row 2, column range_m: expected finite"),
+        ({"t_s": np.array([0.1, np.inf, 1.2])}, "row 2, column t_s: expected finite"),
+        ({"t_s": np.array([0.1, 0.0, 1.2])}, "row 2, column t_s: expected increasing time"),
+        ({"rssi_dbm": np.zeros(2)}, "rssi_dbm: expected shape"),
+        ({"rssi_fp_dbm": np.zeros(2)}, "rssi_fp_dbm: expected shape"),
+    ],
+)
+def test_a_range_log_refuses(changes: dict, message: str) -> None:
+    with annotations_off(), pytest.raises(InputError, match=message):
+        replace(LOG, **changes)
+
+
+def test_a_repeat_is_found_across_the_blocks_of_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gaia_uwb.scene._BLOCK", 2)
+    anchor = np.array([0, 1, 2, 3, 0, 1])
+    t_s = np.array([0.0, 1.0, 1.0, 1.0, 2.0, 2.0])
+    RangeLog(t_s, anchor, np.ones(6))
+    with pytest.raises(InputError, match=r"row 4.*anchor 1 has two readings at 1\.000000 s"):
+        RangeLog(t_s, np.array([0, 1, 2, 1, 0, 1]), np.ones(6))
+
+
+def test_received_power_may_be_unknown() -> None:
+    log = replace(LOG, rssi_dbm=np.array([-80.0, np.nan, -np.inf]))
+    assert np.isnan(log.rssi_dbm[1])
+
+
+@given(t_s=TIMES)
+def test_any_times_give_a_checked_trajectory_or_an_input_error(t_s: np.ndarray) -> None:
+    good = len(t_s) >= 2 and np.isfinite(t_s).all() and (np.diff(t_s) > 0).all()
+    position_m = np.zeros((len(t_s), 2))
+    if good:
+        assert np.array_equal(Trajectory(t_s, position_m).t_s, t_s)
+    else:
+        with pytest.raises(InputError):
+            Trajectory(t_s, position_m)
+
+
+@given(t_s=TIMES, data=st.data())
+def test_any_readings_give_a_checked_log_or_an_input_error(
+    t_s: np.ndarray, data: st.DataObject
+) -> None:
+    anchor = data.draw(hnp.arrays(np.int64, len(t_s), elements=st.integers(-1, 3)))
+    ordered = bool(len(t_s) and np.isfinite(t_s).all() and (np.diff(t_s) >= 0).all())
+    unique = len(set(zip(t_s.tolist(), anchor.tolist(), strict=True))) == len(t_s)
+    if ordered and unique and anchor.min() >= 0:
+        assert len(RangeLog(t_s, anchor, np.zeros(len(t_s)))) == len(t_s)
+    else:
+        with pytest.raises(InputError):
+            RangeLog(t_s, anchor, np.zeros(len(t_s)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"anchor_m": np.zeros(2)}, r"anchor_m: expected shape \(N, 2\), got \(2,\)"),
+        ({"anchor_m": np.zeros((2, 3))}, r"anchor_m: expected shape \(N, 2\)"),
+        ({"anchor_m": np.full((2, 2), np.nan)}, "row 1, column anchor_m: expected finite"),
+        ({"range_m": np.array([1.0, np.inf, 0.0])}, "row 2, column range_m: expected finite"),
+        ({"nlos": np.array([0, 1, 0])}, "nlos: expected bool values, got int64"),
+    ],
+)
+def test_a_truth_refuses(changes: dict, message: str) -> None:
+    with annotations_off(), pytest.raises(InputError, match=message):
+        replace(SCENE.truth, **changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"anchor_ids": ()}, "pass, column anchor_id: expected at least one anchor"),
+        ({"anchor_ids": ("a", "a")}, "pass, column anchor_id: expected unique"),
+        (
+            {"anchor_ids": ("a",)},
+            "pass, column anchor: a reading points to anchor 1, but there are",
+        ),
+        ({"anchor_up_m": np.zeros(3)}, r"pass, column anchor_up_m: expected shape \(2,\)"),
+        ({"anchor_up_m": np.array([1.0, np.inf])}, "pass, row 2, column anchor_up_m: .*infinity"),
+        ({"truth": Truth(np.zeros((3, 2)))}, r"pass, column truth.anchor_m: expected shape \(2, 2"),
+        (
+            {"truth": Truth(np.zeros((2, 2)), nlos=np.zeros(4, dtype=bool))},
+            r"pass, column truth.nlos: expected shape \(3,\)",
+        ),
+        (
+            {"truth": Truth(np.zeros((2, 2)), range_m=np.zeros(4))},
+            "pass, column truth.range_m: expected shape",
+        ),
+    ],
+)
+def test_a_scene_refuses(changes: dict, message: str) -> None:
+    with annotations_off(), pytest.raises(InputError, match=message):
+        replace(SCENE, **changes)
+
+
+def test_nothing_can_be_changed() -> None:
+    with pytest.raises(FrozenInstanceError):
+        SCENE.name = "other"  # type: ignore[misc]  # the point of the test
+    arrays = (DRIVE.t_s, DRIVE.position_m, DRIVE.up_m, LOG.t_s, LOG.anchor, LOG.range_m)
+    for array in (*arrays, SCENE.anchor_up_m, SCENE.truth.anchor_m, SCENE.truth.nlos):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
+def test_without_truth_nothing_else_changes() -> None:
+    blind = SCENE.without_truth()
+    assert blind.truth is None
+    assert blind.ranges is SCENE.ranges
+    assert blind.trajectory is SCENE.trajectory
+    assert blind.n_anchors == 2
+    assert "truth" not in repr(SCENE)

@@ -1,0 +1,158 @@
+import numpy as np
+import pytest
+
+from gaia_uwb import sides
+from gaia_uwb.config import SidesConfig, SolverConfig
+from gaia_uwb.episode import Episode
+from gaia_uwb.estimate import AnchorStatus
+from gaia_uwb.layout_prior import joint_places
+from gaia_uwb.locate import Hypotheses
+from gaia_uwb.sides import resolve_sides
+
+ALONE = SidesConfig(joint=False)
+
+
+def make_hypotheses(n, seed=0, odds=1.0, sigma_m=0.3):
+    """Return hypotheses beside a straight path, the anchors on the left, and their true places."""
+    rng = np.random.default_rng(seed)
+    true_m = np.stack([4.0 * np.arange(n), rng.uniform(3.0, 6.0, n)], axis=1)
+    place = true_m + sigma_m * rng.standard_normal((n, 2))
+    # The difference of two log likelihoods d is N(m, 2 m) for the right side.
+    difference = odds + np.sqrt(2.0 * odds) * rng.standard_normal(n)
+    pair = np.stack([place, place * [1.0, -1.0]], axis=1)
+    wrong = difference < 0
+    pair[wrong] = pair[wrong, ::-1]
+    return Hypotheses(
+        position_m=pair, covariance_m2=np.tile(sigma_m**2 * np.eye(2), (n, 2, 1, 1)),
+        log_odds=np.abs(difference), own_bias_m=np.zeros(n),
+        n_ranges=np.full(n, 64), converged=np.ones(n, dtype=bool),
+    ), true_m  # fmt: skip
+
+
+def make_episode(n):
+    path = np.stack([np.arange(8.0), np.zeros(8)], axis=1)
+    ids = tuple(f"cone-{k}" for k in range(n))
+    return Episode("pass", ids, np.arange(8.0), path, np.ones((8, n)), np.ones((8, n), dtype=bool))
+
+
+def resolve(found, config=SidesConfig(), solver=SolverConfig()):
+    return resolve_sides(make_episode(len(found.log_odds)), found, config, solver)
+
+
+def total_evidence(found, side):
+    rows = np.arange(len(side))
+    share = 1.0 - sides._SHARED_ERRORS
+    joint = joint_places(
+        found.position_m[rows, side][None], share * found.covariance_m2[rows, side][None]
+    )
+    return np.logaddexp.reduce(joint.log_evidence[0]) - (side * found.log_odds).sum()
+
+
+@pytest.mark.parametrize("climb", [False, True])
+@pytest.mark.parametrize("n", [2, 5, 8])
+def test_the_joint_decision_is_the_best_of_all_combinations(n, climb, monkeypatch):
+    found, _ = make_hypotheses(n, seed=n)
+    if climb:
+        monkeypatch.setattr(sides, "_ENUMERATE", 0)
+    combinations = (np.arange(2**n)[:, None] >> np.arange(n)) & 1
+    evidence = np.array([total_evidence(found, c) for c in combinations])
+    best = combinations[evidence.argmax()]
+    weight = np.exp(sides._SHARED_ERRORS * (evidence - evidence.max()))
+    mirror = (weight[:, None] * (combinations != best)).sum(axis=0) / weight.sum()
+    for k, fix in enumerate(resolve(found)):
+        assert np.array_equal(fix.mirror_position_m, found.position_m[k, 1 - best[k]])
+        if not climb:
+            assert fix.mirror_probability == pytest.approx(mirror[k], abs=1e-4)
+
+
+def test_together_they_know_the_side_better_than_each_alone():
+    wrong_alone = wrong_together = total = 0
+    for seed in range(30):
+        found, true_m = make_hypotheses(6, seed=seed)
+        for config in (ALONE, SidesConfig()):
+            places = np.stack([fix.position_m for fix in resolve(found, config)])
+            wrong = int((places[:, 1] * true_m[:, 1] < 0).sum())
+            if config.joint:
+                wrong_together += wrong
+            else:
+                wrong_alone += wrong
+        total += 6
+    assert wrong_alone > 0.15 * total
+    assert wrong_together < 0.4 * wrong_alone
+
+
+def test_alone_each_anchor_has_its_own_odds():
+    found, _ = make_hypotheses(5)
+    for k, fix in enumerate(resolve(found, ALONE)):
+        assert fix.mirror_probability == pytest.approx(1.0 / (1.0 + np.exp(found.log_odds[k])))
+        assert np.array_equal(fix.position_m, found.position_m[k, 0])
+        assert np.array_equal(fix.mirror_position_m, found.position_m[k, 1])
+        assert np.array_equal(fix.covariance_m2, found.covariance_m2[k, 0])
+
+
+def test_own_probabilities_are_what_happens():
+    found, true_m = make_hypotheses(3000, seed=9)
+    fixes = resolve(found, ALONE)
+    mirror = np.array([fix.mirror_probability for fix in fixes])
+    wrong = np.array([fix.position_m[1] < 0 for fix in fixes])
+    assert np.all(true_m[:, 1] > 0)
+    for low in (0.0, 0.1, 0.2, 0.3, 0.4):
+        inside = (mirror >= low) & (mirror < low + 0.1)
+        assert wrong[inside].mean() == pytest.approx(mirror[inside].mean(), abs=0.07)
+
+
+def test_joint_probabilities_are_cautious():
+    wrong, mirror = [], []
+    for seed in range(60):
+        found, true_m = make_hypotheses(5, seed=100 + seed, odds=0.5)
+        for fix, true in zip(resolve(found), true_m, strict=True):
+            wrong.append(fix.position_m[1] * true[1] < 0)
+            mirror.append(fix.mirror_probability)
+    wrong, mirror = np.array(wrong), np.array(mirror)
+    for part in (mirror <= np.median(mirror), mirror > np.median(mirror)):
+        assert wrong[part].mean() < mirror[part].mean() + 0.1
+
+
+def test_the_climb_over_many_open_anchors_is_bounded(monkeypatch):
+    looked = []
+    original = sides._Search.look_at
+    monkeypatch.setattr(
+        sides._Search, "look_at", lambda self, c: looked.append(len(c)) or original(self, c)
+    )
+    found, true_m = make_hypotheses(35, seed=4, odds=0.3)
+    places = np.stack([fix.position_m for fix in resolve(found)])
+    assert sum(looked) < 3 * (35 * 60)
+    right = (places[:, 1] * true_m[:, 1] > 0).mean()
+    assert right > 0.9 or right < 0.1  # all on one side: which one, hardly anything tells
+
+
+def test_sure_sides_are_left_alone():
+    found, _ = make_hypotheses(4, odds=60.0)
+    for fix, place in zip(resolve(found), found.position_m[:, 0], strict=True):
+        assert fix.mirror_probability < 1e-5
+        assert np.linalg.norm(fix.position_m - place) < 0.5
+        assert fix.status is AnchorStatus.OK
+
+
+def test_one_place_twice_leaves_no_side_open():
+    found, _ = make_hypotheses(3, odds=0.01)
+    found.position_m[1, 1] = found.position_m[1, 0] + 0.05
+    fixes = resolve(found)
+    assert fixes[1].mirror_probability == 0.0
+
+
+def test_each_status_is_reached():
+    found, _ = make_hypotheses(6, odds=60.0)
+    found.position_m[1] = np.nan
+    found.covariance_m2[1] = np.nan
+    found.log_odds[1] = 0.0
+    found.log_odds[2] = 0.1
+    found.covariance_m2[3] = np.diag([0.01, 9.0])
+    found.converged[4] = False
+    status = [fix.status for fix in resolve(found, ALONE)]
+    assert status == [
+        AnchorStatus.OK, AnchorStatus.TOO_FEW_RANGES, AnchorStatus.AMBIGUOUS,
+        AnchorStatus.ILL_CONDITIONED, AnchorStatus.NOT_CONVERGED, AnchorStatus.OK,
+    ]  # fmt: skip
+    assert resolve(found)[1].mirror_probability == 0.0
+    assert np.isnan(resolve(found)[1].position_m).all()
