@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,26 +12,24 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "src" / "gaia_uwb"
 
-# A module imports only from lower layers; inside a folder, modules share their layer.
-LAYERS: dict[str, int] = {
-    "_typing": 0, "errors": 0,
-    "_checks": 1,
-    "config": 2, "estimate": 2, "scene": 2,
-    "_solver": 3, "episode": 3,
-    "bootstrap": 4, "layout_prior": 4, "multilateration": 4, "projection": 4,
-    "spikes": 4, "tour": 4,
-    "batch": 5, "geometry": 5, "readings": 5,
-    "calibration": 6, "clock": 6, "locate": 6, "metrics": 6,
-    "alignment": 7, "sides": 7,
-    "datasets": 8, "denoisers": 8, "simulate": 8,
-    "pipeline": 9, "sources": 9,
-    "evaluate": 10, "files": 10, "geojson": 10, "map_page": 10, "plots": 10,
-    "report": 11,
-    "__init__": 12,
-    "cli": 13,
-    "__main__": 14,
-}  # fmt: skip
+TABLE = Path(__file__).parents[1] / "docs" / "architecture.md"
 FOLDERS = {"simulate", "datasets", "denoisers"}
+
+
+def read_layers() -> dict[str, int]:
+    """Return each module's row in the table; a row may import from rows above it."""
+    layers: dict[str, int] = {}
+    lines = TABLE.read_text(encoding="utf-8").splitlines()
+    start = lines.index("| modules | what they hold |")
+    for row, line in enumerate(lines[start + 2 :]):
+        if not line.startswith("| `"):
+            break
+        for name in re.findall(r"`(\w+)`", line.split("|")[1]):
+            layers[name] = row
+    return layers
+
+
+LAYERS = read_layers()
 
 
 def modules() -> list[Path]:
@@ -61,11 +60,15 @@ def imported_parts(path: Path) -> set[str]:
 @pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_imports_only_from_lower_layers(path: Path) -> None:
     part = part_of(path)
-    assert part in LAYERS, f"say in LAYERS where {part} belongs"
+    assert part in LAYERS, f"say in docs/architecture.md where {part} belongs"
     for other in imported_parts(path):
         if other == part and part in FOLDERS:
             continue
         assert LAYERS[other] < LAYERS[part], f"{part} must not import {other}"
+
+
+def test_the_table_names_no_module_that_is_gone() -> None:
+    assert set(LAYERS) - {part_of(path) for path in modules()} == {"_solver"}
 
 
 def test_prints_only_in_the_command_line() -> None:
