@@ -120,3 +120,11 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
         load_config(tmp_path / "nowhere.yaml")
     with pytest.raises(ConfigError, match="cannot read settings"):
         load_config(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "name, value", [("min_ranges", 10**21), ("ill_conditioned_above_m", 1e300)]
+)
+def test_settings_too_large_to_compute_with_are_refused(name: str, value: float) -> None:
+    with pytest.raises(ConfigError, match=f"settings: solver.{name}: "):
+        make_config({"solver": {name: value}})

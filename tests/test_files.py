@@ -154,3 +154,14 @@ while True:
         kill(process)
         content = (tmp_path / "big.bin").read_bytes()
         assert content in (b"a" * 1_000_000, b"b" * 1_000_000)
+
+
+def test_remove_a_file_of_an_earlier_run(tmp_path: Path) -> None:
+    output = OutputFolder(tmp_path)
+    output.write_text("report.json", "{}")
+    output.remove("report.json")
+    output.remove("report.json")
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(ConfigError, match="cannot remove this file"):
+        output.remove("folder")

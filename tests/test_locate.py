@@ -183,3 +183,11 @@ def test_what_does_not_fit_is_refused():
 
 def test_no_episodes_give_no_hypotheses():
     assert locate([], []) == []
+
+
+def test_errors_that_are_alike_decide_less_on_the_side():
+    # The same noise, once new at every step and once held for a second: the latter is worth less.
+    fresh = np.random.default_rng(3).standard_normal((300, 6))
+    held = np.repeat(fresh[::10], 10, axis=0)
+    odds = [locate_one(make_episode(noise=noise)[0]).log_odds for noise in (fresh, held)]
+    assert np.median(odds[1]) < 0.4 * np.median(odds[0])

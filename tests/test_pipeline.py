@@ -128,3 +128,18 @@ def test_what_cannot_be_done_is_said():
     ranges = replace(scene.ranges, t_s=scene.ranges.t_s + 3600.0)
     with pytest.raises(InputError):
         reconstruct(replace(scene, ranges=ranges))
+
+
+def test_what_speaks_against_the_whole_log_makes_it_unreliable():
+    scene = make_scene()
+    log = scene.ranges
+
+    def reasons(t_s, range_m):
+        ranges = RangeLog(t_s, log.anchor, range_m)
+        result = reconstruct(replace(scene, ranges=ranges, truth=None))
+        assert result.status is ReconstructionStatus.UNRELIABLE
+        return " ".join(result.reasons)
+
+    assert "check the clocks" in reasons(log.t_s + 2.4, log.range_m)
+    assert "check units, clocks" in reasons(log.t_s, log.range_m * 3.28084)
+    assert "check the ranges' unit and zero" in reasons(log.t_s, log.range_m + 2.0)

@@ -112,3 +112,8 @@ def test_loads_and_checks_the_real_data(outdoor_dir: Path) -> None:
     shares = [anchor.usable_share for report in reports for anchor in report.anchors]
     assert len(shares) == 32
     assert min(shares) > 0.9
+
+
+def test_an_empty_name_is_not_the_working_folder() -> None:
+    with pytest.raises(SourceError, match="got nothing"):
+        load_scenes("")

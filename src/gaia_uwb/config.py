@@ -62,7 +62,7 @@ class SolverConfig(_Settings):
 
     kind: Literal["robust", "wls"] = "robust"
     """``robust``: ours, no labels. ``wls``: the paper's weighted least squares."""
-    min_ranges: int = Field(default=4, ge=3)
+    min_ranges: int = Field(default=4, ge=3, le=1_000_000)
     """An anchor with fewer usable ranges is not located."""
     student_t_dof: float = Field(default=4.0, ge=1.0, le=100.0)
     """Tails of the errors: degrees of freedom of the Student-t."""
@@ -72,7 +72,7 @@ class SolverConfig(_Settings):
     """Range bias of an anchor beside what all share (antenna delay): prior standard deviation."""
     position_floor_m: float = Field(default=0.025, ge=0, le=10)
     """What no number of ranges improves (antenna phase centres, survey): standard deviation."""
-    ill_conditioned_above_m: float = Field(default=2.0, gt=0)
+    ill_conditioned_above_m: float = Field(default=2.0, gt=0, le=1e6)
     """An anchor whose standard deviation along the worst direction exceeds this is flagged."""
 
 

@@ -109,6 +109,25 @@ class OutputFolder:
             temporary.unlink(missing_ok=True)
         return path
 
+    def remove(self, name: str) -> None:
+        """Remove a file of an earlier run, if it is there.
+
+        Parameters
+        ----------
+        name
+            The file's name in the folder.
+
+        Raises
+        ------
+        ConfigError
+            If the file cannot be removed.
+        """
+        path = self.path / name
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise ConfigError(f"{path}: cannot remove this file: {_reason(error)}") from error
+
     def _temporary(self, name: str) -> Path:
         """Return an unused name in the same folder, for only there a rename is atomic."""
         return self.path / f".{secrets.token_hex(4)}-{name}"

@@ -1,9 +1,12 @@
 """From ranges to both places of every anchor, with honest errors.
 
 Ranges that err alike count as fewer: the likelihood is divided by the errors' correlation in time
-before it meets a prior or compares two hypotheses. What slow errors amount to (their variance times
-their correlation) is a property of the log and comes from its calibration (``calibration.py``): a
-short window cannot tell slow errors from the anchor's place, and no smoothing makes them smaller.
+before it meets a prior or compares two hypotheses. Two hypotheses are compared with the correlation
+of the anchor's own residuals where that is more than the whole log's: a denoiser makes neighbours
+alike, and one stretch without line of sight must not decide on the side. What slow errors amount to
+(their variance times their correlation) is a property of the log and comes from its calibration
+(``calibration.py``): a short window cannot tell slow errors from the anchor's place, and no
+smoothing makes them smaller.
 
 The covariance adds four things that are independent of each other: the sandwich of the anchor's
 own ranges, what the calibrated range bias may still be off, what the clock offset may still be
@@ -210,10 +213,11 @@ def _hypotheses(parts: list[_Part], b: int, correlation: float) -> Hypotheses:
     position = np.concatenate([p.solutions.position_m[b] for p in parts])
     covariance = np.concatenate([p.covariance_m2[b] for p in parts])
     bias = np.concatenate([p.solutions.bias_m[b] for p in parts])
+    alike = np.concatenate([p.solutions.correlation[b] for p in parts])[rows[:, 0], first]
     return Hypotheses(
         position_m=position[rows, order],
         covariance_m2=covariance[rows, order],
-        log_odds=np.nan_to_num(odds / correlation, nan=0.0),
+        log_odds=np.nan_to_num(odds / np.fmax(alike, correlation), nan=0.0),
         own_bias_m=np.nan_to_num(bias[rows[:, 0], first], nan=0.0),
         n_ranges=np.concatenate([p.solutions.n_ranges[b] for p in parts]),
         converged=np.concatenate([p.solutions.converged[b].all(axis=1) for p in parts]),

@@ -12,7 +12,7 @@ service call it; none of them has a second copy.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -29,6 +29,9 @@ from gaia_uwb.geometry import make_boundary
 from gaia_uwb.locate import locate
 from gaia_uwb.scene import Scene
 from gaia_uwb.sides import resolve_sides
+
+_MISFIT_M = 1.0  # ranges of a working radio on a known path err by less
+_BIAS_SIGMA = 4.0  # a range bias so many prior standard deviations from 0 is none of a radio
 
 
 class ReconstructionStatus(StrEnum):
@@ -144,10 +147,30 @@ def reconstruct_episodes(
     for episode, ranges, places in zip(blind, denoised, hypotheses, strict=True):
         anchors = resolve_sides(episode, places, config.sides, config.solver)
         boundary = make_boundary(np.stack([anchor.position_m for anchor in anchors]))
-        reasons = _reasons(anchors, boundary)
+        reasons = (*_log_reasons(episode, config), *_reasons(anchors, boundary))
         status = ReconstructionStatus.UNRELIABLE if reasons else ReconstructionStatus.OK
         results.append(Reconstruction(episode, ranges, anchors, boundary, status, reasons, config))
     return results
+
+
+def _log_reasons(episode: Episode, config: PipelineConfig) -> Iterator[str]:
+    """Say in words what is wrong with the whole log: its clocks, or the size of its errors."""
+    clock, found = episode.clock, episode.calibration
+    if clock is not None and clock.sigma_s > config.alignment.clock_offset_sigma_s:
+        yield f"the clocks: {clock.reason}"
+    if found is None:
+        return
+    if found.sigma_m > _MISFIT_M:
+        yield (
+            f"the ranges do not fit the path, half of them by more than {0.67 * found.sigma_m:.1f} "
+            "m: check units, clocks, heights and ids"
+        )
+    prior_m = np.array([config.calibration.bias_sigma_m, config.calibration.bias_slope_sigma_m])
+    if float(np.hypot(*(found.bias / np.maximum(prior_m, 1e-9)))) > _BIAS_SIGMA:
+        yield (
+            f"the range bias came out at {found.bias[0]:+.2f} m, far from the +-{prior_m[0]:g} m "
+            "that radios show: check the ranges' unit and zero"
+        )
 
 
 def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> tuple[str, ...]:

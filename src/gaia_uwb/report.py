@@ -105,7 +105,9 @@ def write_all(
     reconstruction
         What to write.
     folder
-        Made if needed. Files of an earlier run are replaced one by one, each as a whole.
+        Made if needed. Files of an earlier run are replaced one by one, each as a whole; its
+        ``report.json`` goes first and the new one comes last, so that where there is a report,
+        all files belong to it.
     metrics
         Scores against a known truth, by name.
 
@@ -120,6 +122,7 @@ def write_all(
     png = figure_png(plot_reconstruction(reconstruction))
     features = json.dumps(boundary_geojson(reconstruction), ensure_ascii=False, allow_nan=False)
     settings = f"# gaia-uwb {report['version']}\n{dump_config(reconstruction.config)}"
+    output.remove("report.json")
     return [
         output.write("anchors.csv", lambda path: _write_anchors(reconstruction, path)),
         output.write("ranges.parquet", lambda path: _write_ranges(reconstruction, path)),

@@ -101,6 +101,8 @@ def _check_native(folder: Path) -> CheckReport:
 
 def _native_folders(source: str) -> list[Path]:
     """Return the folder itself, or those of its sub-folders that hold a scene."""
+    if not source.strip():
+        raise SourceError("expected a folder or a name as source, got nothing")
     folder = Path(source)
     if folder.is_file():
         raise SourceError(f"{source}: is a file; name the folder that holds trajectory and ranges")

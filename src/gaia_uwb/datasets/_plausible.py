@@ -122,8 +122,7 @@ def check_one_drive(ranges: Table, trajectory: Table, position_m: Float64[Array,
     Raises
     ------
     InputError
-        If their times do not overlap, or half of the ranges exceed 1,000 m and ten times the
-        trajectory's extent.
+        If their times do not overlap, or half of the ranges are longer than 1,000 m.
     """
     first_s, last_s = trajectory["t_s"][[0, -1]]
     t_s = ranges["t_s"]
@@ -135,10 +134,10 @@ def check_one_drive(ranges: Table, trajectory: Table, position_m: Float64[Array,
             column="t_s",
         )
     median_m = float(np.median(np.abs(ranges["range_m"])))
-    extent_m = float(np.hypot(*np.ptp(position_m, axis=0)))
-    if median_m > max(_MILLIMETRES_ABOVE_M, 10 * extent_m):
+    if median_m > _MILLIMETRES_ABOVE_M:
+        extent_m = float(np.hypot(*np.ptp(position_m, axis=0)))
         problem = (
             f"expected metres, got a median of {median_m:g} beside a path {extent_m:.0f} m wide: "
-            "this looks like millimetres"
+            "this looks like millimetres or centimetres"
         )
         raise ranges.error(problem, column="range_m")
