@@ -11,8 +11,11 @@ from pathlib import Path
 import pytest
 
 from gaia_uwb import cli
+from gaia_uwb.datasets.episodes import read_episodes
 from gaia_uwb.datasets.native import write_native
-from gaia_uwb.simulate import PRESETS, simulate_pass
+from gaia_uwb.simulate import PRESETS, simulate_episode, simulate_pass
+from gaia_uwb.simulate.presets import load_preset
+from surveyed import make_runs
 
 FILES = (
     "report.json",
@@ -51,7 +54,7 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):  #
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("log") / "my-log"
     write_native(
-        simulate_pass(PRESETS["lane-closure"], seed=3).without_truth(), folder, file_format="csv"
+        simulate_pass(PRESETS["lane-closure"], seed=0).without_truth(), folder, file_format="csv"
     )
     return folder
 
@@ -99,6 +102,24 @@ def test_simulate_and_read_back(run, tmp_path: Path) -> None:  # type: ignore[no
     assert "cone" in out
 
 
+def test_simulate_episodes_of_a_part(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    out = tmp_path / "episodes"
+    arguments = ("simulate", "--preset", "stress", "--episodes", 3, "--as", "episodes")
+    code, _, err = run(*arguments, "--split", "test", "--out", out)
+    assert (code, err) == (0, "")
+    assert sorted(p.name for p in out.iterdir()) == ["episodes-000000.parquet", "simulation.yaml"]
+    config = load_preset(out / "simulation.yaml")
+    assert config.split == "test"
+    for k, episode in enumerate(read_episodes(out)):
+        expected = simulate_episode(config, 0, episode=k)
+        assert episode.name == expected.name
+        assert (episode.range_m == expected.range_m).all()
+    assert k == 2
+    code, _, err = run(*arguments, "--out", out)
+    assert code == 2
+    assert "already" in err
+
+
 def test_evaluate(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     code, out, _ = run(
         "evaluate", "sim", "--methods", "raw,kalman", "--length", 64, "--out", tmp_path
@@ -124,6 +145,9 @@ def test_settings_file_and_options(run, log: Path, tmp_path: Path) -> None:  # t
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
+        (("reconstruct",), "SOURCE"),
+        (("reconstruct", "sim", "--magic"), "--magic"),
+        (("reconstruct", "sim", "--solver", "magic"), "magic"),
         (("reconstruct", "no-such-thing"), "no-such-thing"),
         (("reconstruct", "sim", "--denoiser", "magic"), "magic"),
         (("reconstruct", "sim:nowhere"), "nowhere"),
@@ -251,6 +275,43 @@ def test_unwritable_output_is_told_before_the_work(run, tmp_path: Path) -> None:
     assert "file" in err
 
 
+def test_errors_of_logs_become_a_preset(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    code, out, err = run("simulate", "--calibrate-from", "sim", "--out", tmp_path / "fit")
+    assert (code, err) == (0, "")
+    preset = tmp_path / "fit" / "calibrated.yaml"
+    assert str(preset) in out
+    assert [path.name for path in (tmp_path / "fit").iterdir()] == ["calibrated.yaml"]
+    code, _, err = run("simulate", "--preset", preset, "--out", tmp_path / "pass")
+    assert (code, err) == (0, "")
+
+
+def test_errors_need_a_survey(run, log: Path, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    code, _, err = run("simulate", "--calibrate-from", log, "--out", tmp_path)
+    assert code == 2
+    assert "expected surveyed anchors" in err
+    assert err.count("\n") == 1
+
+
+def test_table5_needs_the_data_set(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    code, _, err = run("reproduce", "table5", "--data-dir", tmp_path, "--out", tmp_path / "out")
+    assert code == 2
+    assert "outdoor-uwb" in err
+    assert err.count("\n") == 1
+
+
+def test_table5_prints_the_table(  # type: ignore[no-untyped-def]
+    run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("gaia_uwb.sources.load_scenes", lambda *_, **__: make_runs())
+    monkeypatch.setattr("gaia_uwb.simulator_check.N_PASSES", 1)
+    monkeypatch.setattr("gaia_uwb.simulator_check.N_REPLAYS", 1)
+    code, out, err = run("reproduce", "table5", "--out", tmp_path)
+    assert code == 0
+    assert "check: 6 of 6" in err
+    assert "as printed" in out
+    assert (tmp_path / "results.json").stat().st_size > 1000
+
+
 def test_interrupt_is_one_line(run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
@@ -258,7 +319,17 @@ def test_interrupt_is_one_line(run, monkeypatch: pytest.MonkeyPatch, tmp_path: P
     monkeypatch.setattr("gaia_uwb.evaluate.prepare", stop)
     code, _, err = run("reconstruct", "sim", "--out", tmp_path)
     assert code == cli.INTERRUPTED
-    assert "Traceback" not in err
+    assert err == "gaia: interrupted\n"
+
+
+def test_a_failed_run_leaves_no_report_of_an_earlier_one(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    run("reconstruct", "sim", "--out", tmp_path)
+    (tmp_path / "map.html").unlink()
+    (tmp_path / "map.html").mkdir()
+    code, _, err = run("reconstruct", "sim", "--out", tmp_path)
+    assert code == 2
+    assert "map.html" in err
+    assert not (tmp_path / "report.json").exists()
 
 
 def test_module_and_version_from_the_shell() -> None:
@@ -275,3 +346,25 @@ def test_real_run_from_the_shell(outdoor_dir: Path, tmp_path: Path) -> None:
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert report["metrics"]["anchor_mae"]["value"] < 0.15
     assert report["uncertainty_note"]
+
+
+def test_ids_cannot_steer_the_terminal(run, log: Path, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    folder = tmp_path / "log"
+    shutil.copytree(log, folder)
+    for table in ("ranges.csv", "anchors.csv"):
+        text = (folder / table).read_text(encoding="utf-8")
+        text = text.replace("cone-1,", "\x1b[31mred\u202e,")
+        (folder / table).write_text(text, encoding="utf-8")
+    for arguments in (("data", "check", folder), ("reconstruct", folder, "--out", tmp_path / "o")):
+        _, out, err = run(*arguments)
+        assert "\\x1b[31mred\\u202e" in out
+        assert "\x1b" not in out + err
+
+
+def test_scenes_of_one_name_do_not_overwrite_each_other(tmp_path: Path) -> None:
+    names = ["..", "../a/b", "same", "same", "nul\0", ""]
+    folders = cli._folders(tmp_path, names)
+    assert len(set(folders)) == len(names)
+    assert all(folder.parent == tmp_path and "\0" not in folder.name for folder in folders)
+    assert cli._folders(tmp_path, ["LOS/A/1", "LOS/A/2"])[0] == tmp_path / "LOS-A-1"
+    assert cli._folders(tmp_path, ["any/name"]) == [tmp_path]

@@ -92,6 +92,9 @@ def test_a_calibration_refuses(changes: dict, message: str) -> None:
         ({"anchor_m": np.zeros((3, 2))}, r"truth.anchor_m: expected shape \(2, 2\)"),
         ({"anchor_m": np.full((2, 2), np.inf)}, "row 1, column truth.anchor_m: expected finite"),
         ({"nlos": np.zeros((9, 2), dtype=bool)}, "truth.nlos: expected shape"),
+        ({"outlier": np.zeros((9, 2), dtype=bool)}, "truth.outlier: expected shape"),
+        ({"bias_m": np.zeros((10, 1))}, "truth.bias_m: expected shape"),
+        ({"bias_m": np.full((10, 2), np.nan)}, "row 1, column truth.bias_m: expected finite"),
     ],
 )
 def test_an_episode_truth_refuses(changes: dict, message: str) -> None:
@@ -148,8 +151,13 @@ def test_a_window_is_a_view() -> None:
     for name in ("t_s", "position_m", "range_m", "valid", "tag_up_m"):
         assert np.array_equal(getattr(window, name), getattr(EPISODE, name)[3:7])
         assert np.shares_memory(getattr(window, name), getattr(EPISODE, name))
+    full = replace(EPISODE.truth, outlier=EPISODE.valid, bias_m=EPISODE.truth.range_m)
+    part = replace(EPISODE, truth=full).window(3, 7).truth
     for name in ("range_m", "nlos"):
         assert np.shares_memory(getattr(window.truth, name), getattr(EPISODE.truth, name))
+        assert getattr(window.truth, {"range_m": "bias_m", "nlos": "outlier"}[name]) is None
+    assert np.array_equal(part.outlier, EPISODE.valid[3:7])
+    assert np.array_equal(part.bias_m, EPISODE.truth.range_m[3:7])
     assert np.array_equal(window.truth.range_m, EPISODE.truth.range_m[3:7])
 
 

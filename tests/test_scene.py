@@ -143,7 +143,9 @@ def test_any_readings_give_a_checked_log_or_an_input_error(
         ({"anchor_m": np.zeros((2, 3))}, r"anchor_m: expected shape \(N, 2\)"),
         ({"anchor_m": np.full((2, 2), np.nan)}, "row 1, column anchor_m: expected finite"),
         ({"range_m": np.array([1.0, np.inf, 0.0])}, "row 2, column range_m: expected finite"),
+        ({"bias_m": np.array([1.0, 0.0, np.nan])}, "row 3, column bias_m: expected finite"),
         ({"nlos": np.array([0, 1, 0])}, "nlos: expected bool values, got int64"),
+        ({"outlier": np.array([0, 1, 0])}, "outlier: expected bool values, got int64"),
     ],
 )
 def test_a_truth_refuses(changes: dict, message: str) -> None:
@@ -166,6 +168,10 @@ def test_a_truth_refuses(changes: dict, message: str) -> None:
         (
             {"truth": Truth(np.zeros((2, 2)), nlos=np.zeros(4, dtype=bool))},
             r"pass, column truth.nlos: expected shape \(3,\)",
+        ),
+        (
+            {"truth": Truth(np.zeros((2, 2)), outlier=np.zeros(2, dtype=bool))},
+            r"pass, column truth.outlier: expected shape \(3,\)",
         ),
         (
             {"truth": Truth(np.zeros((2, 2)), range_m=np.zeros(4))},

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
 
 import typer
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from gaia_uwb.config import PipelineConfig
     from gaia_uwb.metrics import Metric
     from gaia_uwb.pipeline import Reconstruction
+    from gaia_uwb.simulate.settings import PassConfig
 
 UNRELIABLE, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -35,6 +36,8 @@ app = typer.Typer(
 )
 data_app = typer.Typer(help="List, fetch and check data.", no_args_is_help=True)
 app.add_typer(data_app, name="data")
+reproduce_app = typer.Typer(help="Repeat the paper's tables.", no_args_is_help=True)
+app.add_typer(reproduce_app, name="reproduce")
 
 
 class SolverName(StrEnum):
@@ -42,6 +45,21 @@ class SolverName(StrEnum):
 
     ROBUST = "robust"
     WLS = "wls"
+
+
+class SimulatedAs(StrEnum):
+    """What a simulated pass is written as."""
+
+    LOGS = "logs"
+    EPISODES = "episodes"
+
+
+class LayoutPart(StrEnum):
+    """The parts of a preset's layouts; none is in both of the last two."""
+
+    ALL = "all"
+    TRAINING = "training"
+    TEST = "test"
 
 
 class TableFormat(StrEnum):
@@ -101,9 +119,10 @@ def reconstruct(
     scenes = load_scenes(source, data_dir=data_dir)
     reliable = True
     with _progress() as progress:
-        for scene in _track(progress, scenes, "reconstruct"):
+        folders = _folders(out, [scene.name for scene in scenes])
+        runs = list(zip(scenes, folders, strict=True))
+        for scene, folder in _track(progress, runs, "reconstruct"):
             result, metrics = reconstruct_and_score(scene, settings)
-            folder = out if len(scenes) == 1 else out / scene.name.replace("/", "-")
             paths = write_all(result, folder, metrics)
             reliable &= result.status is ReconstructionStatus.OK
             _print_summary(progress, result, metrics, paths)
@@ -113,34 +132,50 @@ def reconstruct(
 
 @app.command()
 def simulate(
-    out: Annotated[Path, typer.Option("--out", help="Folder for the passes, one sub-folder each.")],
-    preset: Annotated[str, typer.Option(help="Kind of pass.")] = "lane-closure",
+    out: Annotated[Path, typer.Option("--out", help="Folder for the passes; made if needed.")],
+    preset: Annotated[
+        str, typer.Option(help="Kind of pass: a name, or a YAML file with settings.")
+    ] = "lane-closure",
     episodes: Annotated[int, typer.Option(min=1, help="Number of passes.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="One seed gives the same passes again.")] = 0,
+    split: Annotated[
+        LayoutPart, typer.Option(help="Layouts kept for training or for the test, or all.")
+    ] = LayoutPart.ALL,
+    written_as: Annotated[
+        SimulatedAs,
+        typer.Option("--as", help="A log in GAIA's format per pass, or one table of episodes."),
+    ] = SimulatedAs.LOGS,
     table_format: Annotated[
-        TableFormat, typer.Option("--format", help="File format of the tables.")
+        TableFormat, typer.Option("--format", help="File format of the logs' tables.")
     ] = TableFormat.PARQUET,
+    workers: Annotated[int, typer.Option(min=1, help="Processes that make episodes.")] = 1,
+    calibrate_from: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SOURCE",
+            help="Fit ranging errors to surveyed logs and write them as a preset, no passes.",
+        ),
+    ] = None,
+    data_dir: DataDirOption = None,
 ) -> None:
-    """Simulate passes along a work zone, in GAIA's own format, with their truth."""
+    """Simulate passes along a work zone, with the truth of everything."""
+    if calibrate_from is not None:
+        _calibrate(calibrate_from, out, data_dir)
+        return
     from gaia_uwb.config import dump_config
-    from gaia_uwb.datasets.native import write_native
-    from gaia_uwb.errors import ConfigError
     from gaia_uwb.files import OutputFolder
-    from gaia_uwb.simulate import PRESETS
-    from gaia_uwb.simulate import simulate as passes
+    from gaia_uwb.simulate import find_preset
 
-    if preset not in PRESETS:
-        raise ConfigError(f"unknown preset {preset!r}; there are {', '.join(PRESETS)}")
+    config = find_preset(preset)
+    if split is not LayoutPart.ALL:
+        config = config.model_copy(update={"split": split.value})
     folder = OutputFolder(out)
-    width = len(str(episodes - 1))
-    with _progress() as progress:
-        task = progress.add_task("simulate", total=episodes)
-        for k, scene in enumerate(passes(PRESETS[preset], episodes, seed)):
-            place = out if episodes == 1 else out / f"pass-{k:0{width}d}"
-            write_native(scene, place, file_format=table_format.value)
-            progress.advance(task)
+    if written_as is SimulatedAs.EPISODES:
+        _simulate_episodes(config, episodes, seed, out, workers)
+    else:
+        _simulate_logs(config, episodes, seed, out, table_format)
     header = f"# gaia {_version()} simulate --preset {preset} --episodes {episodes} --seed {seed}\n"
-    folder.write_text("simulation.yaml", header + dump_config(PRESETS[preset]))
+    folder.write_text("simulation.yaml", header + dump_config(config))
     typer.echo(f"wrote {episodes} pass{'es' if episodes > 1 else ''} to {out}")
 
 
@@ -198,6 +233,31 @@ def evaluate(
     _print_results(results, path)
 
 
+@reproduce_app.command("table5")
+def reproduce_table5(
+    out: OutOption = Path("out"),
+    seed: Annotated[int, typer.Option(min=0, help="Of all that is simulated.")] = 0,
+    data_dir: DataDirOption = None,
+) -> None:
+    """Check the simulator against the outdoor UWB data set's runs; two minutes."""
+    from gaia_uwb import experiments
+    from gaia_uwb.files import OutputFolder
+    from gaia_uwb.sources import load_scenes
+
+    folder = OutputFolder(out)
+    scenes = load_scenes("outdoor-uwb", data_dir=data_dir)
+    with _progress() as progress:
+        check = experiments.reproduce_table5(
+            scenes,
+            folder,
+            version=_version(),
+            seed=seed,
+            each=lambda choices: _track(progress, choices, "check"),
+        )
+    typer.echo(experiments.table_text(check.rows))
+    typer.echo(f"wrote {out / 'simulator-check.md'} and the files beside it")
+
+
 @data_app.command("list")
 def data_list(data_dir: DataDirOption = None) -> None:
     """List the data sets that GAIA knows, and whether they are here."""
@@ -240,7 +300,7 @@ def data_check(source: SourceArgument, data_dir: DataDirOption = None) -> None:
 
     reports = check_source(source, data_dir=data_dir)
     for report in reports:
-        typer.echo("\n".join(report.lines()))
+        typer.echo("\n".join(map(_plain, report.lines())))
     if not all(report.readable for report in reports):
         raise typer.Exit(BAD_INPUT)
 
@@ -250,26 +310,87 @@ def main() -> None:
     from gaia_uwb.errors import GaiaError
 
     try:
-        app()
+        code = app(standalone_mode=False)
     except GaiaError as error:
         _stop(str(error))
     except MemoryError:
         _stop("not enough memory for this log")
     except OSError as error:
         _stop(f"{error.filename or 'file system'}: {error.strerror or error}")
-    except KeyboardInterrupt:
+    except Exception as error:
+        # A usage error of typer's; its class lives in another package from version to version.
+        if not hasattr(error, "format_message"):
+            raise
+        _stop(error.format_message() or "expected a command; see gaia --help")
+    if code == INTERRUPTED:
         _stop("interrupted", INTERRUPTED)
+    sys.exit(code if isinstance(code, int) else 0)
 
 
-def _stop(message: str, code: int = BAD_INPUT) -> None:
-    sys.stderr.write(f"gaia: {' '.join(message.split())}\n")
+def _stop(message: str, code: int = BAD_INPUT) -> NoReturn:
+    sys.stderr.write(f"gaia: {_plain(' '.join(message.split()))}\n")
     sys.exit(code)
+
+
+def _plain(text: str) -> str:
+    """Escape what would steer a terminal: ids and names in a log may hold anything."""
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+
+
+def _folders(out: Path, names: Sequence[str]) -> list[Path]:
+    """Return a folder for each scene's results, all different and inside ``out``."""
+    if len(names) == 1:
+        return [out]
+    safe = [_plain(name).replace("/", "-").replace("\n", " ").lstrip(".")[:100] for name in names]
+    if "" in safe or len(set(safe)) < len(safe):
+        safe = [f"{k}-{name}" for k, name in enumerate(safe)]
+    return [out / name for name in safe]
 
 
 def _version() -> str:
     from gaia_uwb import __version__
 
     return __version__
+
+
+def _simulate_logs(
+    config: PassConfig, n: int, seed: int, out: Path, table_format: TableFormat
+) -> None:
+    """Write passes as logs, each in a folder of its own if there are several."""
+    from gaia_uwb.datasets.native import write_native
+    from gaia_uwb.simulate import simulate as passes
+
+    width = len(str(n - 1))
+    with _progress() as progress:
+        task = progress.add_task("simulate", total=n)
+        for k, scene in enumerate(passes(config, n, seed)):
+            place = out if n == 1 else out / f"pass-{k:0{width}d}"
+            write_native(scene, place, file_format=table_format.value)
+            progress.advance(task)
+
+
+def _simulate_episodes(config: PassConfig, n: int, seed: int, out: Path, workers: int) -> None:
+    """Write passes as episodes: one table in parts."""
+    from gaia_uwb.datasets.episodes import write_episodes
+    from gaia_uwb.simulate import simulate_episodes
+
+    with _progress() as progress:
+        task = progress.add_task("simulate", total=n)
+        for done in write_episodes(simulate_episodes(config, n, seed, workers=workers), out):
+            progress.update(task, completed=done)
+
+
+def _calibrate(source: str, out: Path, data_dir: Path | None) -> None:
+    """Write the errors of surveyed logs as a preset file."""
+    from gaia_uwb.files import OutputFolder
+    from gaia_uwb.sim_calibration import fit_ranging, preset_text
+    from gaia_uwb.sources import load_scenes
+
+    folder = OutputFolder(out)
+    scenes = load_scenes(source, data_dir=data_dir)
+    text = preset_text(fit_ranging(scenes), scenes, _version())
+    path = folder.write_text("calibrated.yaml", text)
+    typer.echo(f"wrote {path}; use it with: gaia simulate --preset {path}")
 
 
 def _settings(
@@ -372,7 +493,7 @@ def _print_summary(
     lines += [f"  because {reason}" for reason in result.reasons]
     lines += [f"  wrote {path}" for path in paths]
     progress.console.file.flush()
-    typer.echo("\n".join(lines))
+    typer.echo(_plain("\n".join(lines)))
 
 
 def _print_results(results: Mapping[str, Any], path: Path) -> None:

@@ -130,6 +130,10 @@ class EpisodeTruth:
         True slant range at every step, in metres.
     nlos : (T, N)
         True where there was no line of sight.
+    outlier : (T, N), optional
+        True where a spike's offset is in the measured range, where a simulator knows it.
+    bias_m : (T, N), optional
+        The systematic part of the measured range's error, in metres, where a simulator knows it.
 
     Raises
     ------
@@ -140,6 +144,8 @@ class EpisodeTruth:
     anchor_m: Float64[Array, "N 2"]
     range_m: Float64[Array, "T N"]
     nlos: Bool[Array, "T N"]
+    outlier: Bool[Array, "T N"] | None = None
+    bias_m: Float64[Array, "T N"] | None = None
 
     def __post_init__(self) -> None:
         anchor_m = freeze(self, "anchor_m", self.anchor_m, np.float64)
@@ -150,6 +156,29 @@ class EpisodeTruth:
         check_finite("truth.anchor_m", anchor_m)
         check_finite("truth.range_m", range_m)
         check_shape("truth.nlos", freeze(self, "nlos", self.nlos, np.bool_), range_m.shape)
+        if self.outlier is not None:
+            outlier = freeze(self, "outlier", self.outlier, np.bool_)
+            check_shape("truth.outlier", outlier, range_m.shape)
+        if self.bias_m is not None:
+            bias_m = freeze(self, "bias_m", self.bias_m, np.float64)
+            check_shape("truth.bias_m", bias_m, range_m.shape)
+            check_finite("truth.bias_m", bias_m)
+
+    def window(self, steps: slice) -> EpisodeTruth:
+        """Return the truth of some steps.
+
+        Parameters
+        ----------
+        steps
+            Which.
+        """
+        return EpisodeTruth(
+            anchor_m=self.anchor_m,
+            range_m=self.range_m[steps],
+            nlos=self.nlos[steps],
+            outlier=None if self.outlier is None else self.outlier[steps],
+            bias_m=None if self.bias_m is None else self.bias_m[steps],
+        )
 
 
 @dataclass(frozen=True)
@@ -272,9 +301,6 @@ class Episode:
         if not 0 <= start < stop <= self.n_steps:
             raise IndexError(f"expected 0 <= start < stop <= {self.n_steps}, got {start}, {stop}")
         cut = slice(start, stop)
-        truth = self.truth
-        if truth is not None:
-            truth = replace(truth, range_m=truth.range_m[cut], nlos=truth.nlos[cut])
         return replace(
             self,
             name=f"{self.name}[{start}:{stop}]",
@@ -283,7 +309,7 @@ class Episode:
             range_m=self.range_m[cut],
             valid=self.valid[cut],
             tag_up_m=None if self.tag_up_m is None else self.tag_up_m[cut],
-            truth=truth,
+            truth=None if self.truth is None else self.truth.window(cut),
         )
 
     def windows(self, length: int, stride: int | None = None) -> list[Episode]:

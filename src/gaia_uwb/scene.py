@@ -193,6 +193,10 @@ class Truth:
         True slant range of each reading, where a simulator knows it.
     clock_offset_s : float, optional
         True offset: a reading stamped t belongs to the trajectory at t minus this.
+    outlier : (R,), optional
+        True where a spike's offset is in a reading.
+    bias_m : (R,), optional
+        The systematic part of each reading's error, in metres: what is neither noise nor a spike.
 
     Raises
     ------
@@ -204,16 +208,20 @@ class Truth:
     nlos: Bool[Array, "R"] | None = None
     range_m: Float64[Array, "R"] | None = None
     clock_offset_s: float | None = None
+    outlier: Bool[Array, "R"] | None = None
+    bias_m: Float64[Array, "R"] | None = None
 
     def __post_init__(self) -> None:
         anchor_m = freeze(self, "anchor_m", self.anchor_m, np.float64)
         if anchor_m.ndim != 2 or anchor_m.shape[1] != 2:
             raise InputError(f"expected shape (N, 2), got {anchor_m.shape}", column="anchor_m")
         check_finite("anchor_m", anchor_m)
-        if self.nlos is not None:
-            freeze(self, "nlos", self.nlos, np.bool_)
-        if self.range_m is not None:
-            check_finite("range_m", freeze(self, "range_m", self.range_m, np.float64))
+        for name in ("nlos", "outlier"):
+            if getattr(self, name) is not None:
+                freeze(self, name, getattr(self, name), np.bool_)
+        for name in ("range_m", "bias_m"):
+            if getattr(self, name) is not None:
+                check_finite(name, freeze(self, name, getattr(self, name), np.float64))
 
 
 @dataclass(frozen=True)
@@ -263,7 +271,7 @@ class Scene:
             check_heights("anchor_up_m", up, n, source=self.name)
         if self.truth is not None:
             check_shape("truth.anchor_m", self.truth.anchor_m, (n, 2), source=self.name)
-            for name in ("nlos", "range_m"):
+            for name in ("nlos", "range_m", "outlier", "bias_m"):
                 values = getattr(self.truth, name)
                 if values is not None:
                     check_shape(f"truth.{name}", values, (len(self.ranges),), source=self.name)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from pathlib import Path
 from typing import Any, Literal
 
@@ -48,7 +49,18 @@ RECIPES = st.fixed_dictionaries(
         | st.tuples(st.floats(-90, 90), st.floats(-180, 180), st.floats(-1e5, 1e5)),
         "has": st.sets(
             st.sampled_from(
-                ["up", "heights", "rssi", "rssi_fp", "truth", "nlos", "ranges", "clock"]
+                [
+                    "up",
+                    "heights",
+                    "rssi",
+                    "rssi_fp",
+                    "truth",
+                    "nlos",
+                    "ranges",
+                    "clock",
+                    "outlier",
+                    "bias",
+                ]
             )
         ),
     }
@@ -67,6 +79,8 @@ def make_scene(recipe: dict[str, Any]) -> Scene:
         nlos=rng.random(n) < 0.5 if "nlos" in has else None,
         range_m=rng.uniform(0, 60, n) if "ranges" in has else None,
         clock_offset_s=float(rng.normal()) if "clock" in has else None,
+        outlier=rng.random(n) < 0.1 if "outlier" in has else None,
+        bias_m=rng.normal(0, 1, n) if "bias" in has else None,
     )
     heights_m = np.where(rng.random(n_anchors) < 0.3, np.nan, rng.uniform(0, 3, n_anchors))
     return Scene(
@@ -220,6 +234,13 @@ def test_a_frame_moves_the_origin(tmp_path: Path) -> None:
         ({"ranges_csv": RANGES + "1,a,7\n"}, "row 5, column t_s: anchor 'a' has two readings at 1"),
         ({"ranges_csv": RANGES.replace("6.5", "NaN")}, "ranges.csv, row 3, column range_m: expec"),
         (
+            {
+                "trajectory_csv": "t_s,east_m,north_m\n0,0,0\n1,3000,0\n",
+                "ranges_csv": "t_s,anchor_id,range_m\n0,a,5012\n1,a,6042\n",
+            },
+            "a median of 5527 beside a path 3000 m wide: this looks like millimetres",
+        ),
+        (
             {"ranges_csv": "t_s,anchor_id,range_m\n0,a,5012\n1,a,6042\n"},
             "column range_m: expected metres, got a median of 5527 beside a path 20 m wide: this",
         ),
@@ -340,3 +361,16 @@ def test_whatever_the_bytes_only_our_errors_come(
     else:
         assert len(scene.ranges) > 0
     assert capfd.readouterr().err == ""  # polars' panics are caught, but show there
+
+
+def test_a_pipe_or_a_broken_link_is_told_at_once(tmp_path: Path) -> None:
+    (tmp_path / "trajectory.csv").write_text("t_s,east_m,north_m\n0,1,2\n1,9,2\n", encoding="utf-8")
+    (tmp_path / "ranges.csv").write_text(RANGES, encoding="utf-8")
+    (tmp_path / "anchors.csv").symlink_to(tmp_path / "no-such-file")
+    with pytest.raises(InputError, match=r"anchors\.csv: is a folder, a pipe or a broken link"):
+        read_native(tmp_path)
+    (tmp_path / "anchors.csv").unlink()
+    (tmp_path / "ranges.csv").unlink()
+    os.mkfifo(tmp_path / "ranges.csv")
+    with pytest.raises(InputError, match=r"ranges\.csv: is a folder, a pipe or a broken link"):
+        read_native(tmp_path)

@@ -14,7 +14,7 @@ from gaia_uwb._typing import Array, Float64
 from gaia_uwb.errors import ConfigError, SourceError
 from gaia_uwb.scene import Scene
 from gaia_uwb.simulate import PRESETS, PassConfig, load, simulate, simulate_pass
-from gaia_uwb.simulate.presets import ClosureConfig, DriveConfig, RangingConfig, RoadConfig
+from gaia_uwb.simulate.settings import ClosureConfig, DriveConfig, RangingConfig, RoadConfig
 
 DEFAULT = PRESETS["lane-closure"]
 
@@ -179,7 +179,12 @@ def test_parked_pass_keeps_anchors_that_never_answer() -> None:
 
 @pytest.mark.parametrize(
     ("part", "preset", "seed"),
-    [("", "lane-closure", 0), ("parked", "parked", 0), ("straight/12", "straight", 12)],
+    [
+        ("", "lane-closure", 0),
+        ("parked", "parked", 0),
+        ("straight/12", "straight", 12),
+        ("straight/12/1", "straight", 12),
+    ],
 )
 def test_load_resolves_preset_and_seed(part: str, preset: str, seed: int) -> None:
     (scene,) = load(part)
@@ -189,9 +194,23 @@ def test_load_resolves_preset_and_seed(part: str, preset: str, seed: int) -> Non
     )
 
 
-@pytest.mark.parametrize("part", ["roundabout", "Parked", "/3", "lane-closure/1/2"])
+def test_load_gives_several_passes() -> None:
+    scenes = load("straight/3/2")
+    assert [scene.name for scene in scenes] == ["sim:straight/3/0", "sim:straight/3/1"]
+    for k, scene in enumerate(scenes):
+        np.testing.assert_array_equal(
+            scene.ranges.range_m,
+            simulate_pass(PRESETS["straight"], 3, episode=k).ranges.range_m,
+        )
+
+
+@pytest.mark.parametrize(
+    "part", ["roundabout", "Parked", "/3", "lane-closure/1/2/3", "straight/1/0", "straight/1/"]
+)
 def test_load_names_the_presets_or_the_bad_seed(part: str) -> None:
-    with pytest.raises(SourceError, match=r"lane-closure, straight, parked|whole number"):
+    with pytest.raises(
+        SourceError, match=r"lane-closure, straight, parked|whole number|at least one"
+    ):
         load(part)
 
 

@@ -2,7 +2,8 @@
 
 ==================  ================================================================================
 ``trajectory.csv``  ``t_s`` and ``east_m,north_m[,up_m]`` or ``lat,lon[,alt_m]``
-``ranges.csv``      ``t_s,anchor_id,range_m[,rssi_dbm][,rssi_fp_dbm][,true_range_m][,nlos]``
+``ranges.csv``      ``t_s,anchor_id,range_m[,rssi_dbm][,rssi_fp_dbm]`` and, where a simulator knows
+                    them, ``true_range_m,nlos,outlier,true_bias_m``
 ``anchors.csv``     optional: ``anchor_id[,up_m]`` and, where surveyed, ``east_m,north_m`` or
                     ``lat,lon[,alt_m]``
 ``scene.yaml``      optional: ``name``, ``frame`` (``lat_deg``, ``lon_deg``, ``alt_m``) and
@@ -14,7 +15,7 @@ Positions are those of the tag's antenna. Without ``frame``, a trajectory in ``l
 first sample as the local frame's origin. Heights (``up_m``) count from that origin. A height or a
 surveyed place that is not known is an empty cell.
 
-What was surveyed or simulated (places, ``true_range_m``, ``nlos``) becomes the scene's truth, which
+What was surveyed or simulated (places and the four columns above) becomes the scene's truth, which
 only scores read. Rows of ranges may come in any order, for logs merge several radios; a trajectory
 that goes back in time is an error. Columns that are not named above are ignored.
 """
@@ -44,6 +45,12 @@ _SCENE_FILE = "scene.yaml"
 _TABLES = ("trajectory", "ranges", "anchors")
 _SUFFIXES = (".csv", ".parquet")
 _OUR_FILES = (*(table + suffix for table in _TABLES for suffix in _SUFFIXES), _SCENE_FILE)
+_TRUTH = {
+    "true_range_m": Kind.OPTIONAL,
+    "nlos": Kind.FLAG,
+    "outlier": Kind.FLAG,
+    "true_bias_m": Kind.OPTIONAL,
+}
 _MAX_SCENE_FILE_BYTES = 2**20
 
 
@@ -196,9 +203,11 @@ def write_native(
 def _find(folder: Path, table: str) -> Path | None:
     """Return the file that holds a table, if there is one."""
     paths = [folder / f"{table}{suffix}" for suffix in _SUFFIXES]
-    found = [path for path in paths if path.exists()]
+    found = [path for path in paths if os.path.lexists(path)]
     if len(found) > 1:
         raise InputError(f"has both {found[0].name} and {found[1].name}: keep one", source=folder)
+    if found and not found[0].is_file():
+        raise InputError("is a folder, a pipe or a broken link, and no file", source=found[0])
     return found[0] if found else None
 
 
@@ -243,7 +252,7 @@ def _read_trajectory(path: Path) -> Table:
 def _read_ranges(path: Path, drive: Table, places: Places) -> Table:
     needed = {"t_s": Kind.NUMBER, "anchor_id": Kind.TEXT, "range_m": Kind.NUMBER}
     signal = {"rssi_dbm": Kind.OPTIONAL, "rssi_fp_dbm": Kind.OPTIONAL}
-    table = read_table(path, needed, {**signal, "true_range_m": Kind.OPTIONAL, "nlos": Kind.FLAG})
+    table = read_table(path, needed, {**signal, **_TRUTH})
     _plausible.check_seconds(table)
     _plausible.check_unique_readings(table)
     _plausible.check_one_drive(table, drive, places.position_m)
@@ -302,6 +311,8 @@ def _truth(
         nlos=_column(ranges, "nlos", order),
         range_m=_column(ranges, "true_range_m", order),
         clock_offset_s=clock_offset_s,
+        outlier=_column(ranges, "outlier", order),
+        bias_m=_column(ranges, "true_bias_m", order),
     )
 
 
@@ -323,7 +334,7 @@ def _notes(scene: Scene, drive: Table, ranges: Table, anchors: _Anchors) -> Iter
         missing = ", ".join(anchors.ids[n_listed:])
         yield f"{anchors.table.path.name}: lacks {missing}, so that their heights are unknown"
     n_surveyed = int(np.isfinite(anchors.position_m).all(axis=1).sum())
-    labelled = sorted({"true_range_m", "nlos"} & set(ranges.columns))
+    labelled = sorted(_TRUTH.keys() & set(ranges.columns))
     if 0 < n_surveyed < scene.n_anchors:
         yield f"only {n_surveyed} of {scene.n_anchors} anchors are surveyed: there is no truth"
     elif labelled and not n_surveyed:
@@ -363,6 +374,8 @@ def _tables(scene: Scene) -> dict[str, dict[str, Any]]:
             "rssi_fp_dbm": ranges.rssi_fp_dbm,
             "true_range_m": None if truth is None else truth.range_m,
             "nlos": None if truth is None else truth.nlos,
+            "outlier": None if truth is None else truth.outlier,
+            "true_bias_m": None if truth is None else truth.bias_m,
         },
         "anchors": {
             "anchor_id": scene.anchor_ids,

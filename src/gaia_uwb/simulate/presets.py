@@ -1,155 +1,202 @@
-"""Settings of a simulated pass, and the named presets made of them.
+"""Named settings of simulated passes, and preset files.
 
-Along-road lengths are counted from the first cone of the merging taper. Where a default imitates a
-measurement, it is the outdoor UWB data set's: polls at 10 Hz, a clock 0.2 s late, bursts that are
-nearly all negative, a received power that hardly falls with distance.
+Where a default imitates a measurement, it is the outdoor UWB data set's: polls at 10 Hz, a clock
+0.2 s late, bursts that are nearly all negative, a received power that hardly falls with distance.
 
 >>> from gaia_uwb.simulate.presets import PRESETS
->>> sorted(PRESETS)
-['lane-closure', 'parked', 'straight']
+>>> list(PRESETS)
+['lane-closure', 'straight', 'parked', 'naive', 'calibrated', 'stress', 'wild']
 """
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import ValidationError
 
+from gaia_uwb.errors import ConfigError
 from gaia_uwb.scene import LocalFrame
+from gaia_uwb.simulate.settings import (
+    ClosureConfig,
+    DriveConfig,
+    PassConfig,
+    RangingConfig,
+    RoadConfig,
+)
+
+__all__ = [
+    "DEFAULT_PRESET",
+    "PLACE",
+    "PRESETS",
+    "ClosureConfig",
+    "DriveConfig",
+    "PassConfig",
+    "RangingConfig",
+    "RoadConfig",
+    "find_preset",
+    "load_preset",
+]
 
 PLACE = LocalFrame(lat_deg=42.0, lon_deg=-93.5, alt_m=270.0)
 """Origin of every simulated scene: a made-up place, a round coordinate among the fields of Iowa."""
 
-_Share = Annotated[float, Field(ge=0, lt=1)]
+_PI = 3.14159
 
 
-class _Settings(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+def load_preset(path: Path) -> PassConfig:
+    """Read the settings of a pass from a YAML file; what it leaves out keeps its default.
+
+    Parameters
+    ----------
+    path
+        A file that mirrors :class:`PassConfig`, as ``gaia simulate`` writes beside its passes and
+        the calibration from logs.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, is not YAML, holds an unknown key or an impossible value.
+    """
+    import yaml
+
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return PassConfig.model_validate({} if content is None else content)
+    except ValidationError as error:
+        problems = (
+            f"{'.'.join(map(str, e['loc'])) or 'preset'}: {e['msg']}" for e in error.errors()
+        )
+        raise ConfigError(f"{path}: {'; '.join(problems)}") from error
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
+        # A ValueError: not UTF-8, or an impossible date; a RecursionError: nested beyond reason.
+        raise ConfigError(
+            f"{path}: cannot read a preset: {' '.join(str(error).split())}"
+        ) from error
 
 
-class RoadConfig(_Settings):
-    """The road: two lanes of one direction, one of them closed."""
+def find_preset(name: str) -> PassConfig:
+    """Return the preset of a name, or of a file that ends in ``.yaml``.
 
-    closed_lane: Literal["right", "left"] = "right"
-    """Which lane is closed; the anchors stand on this side of the path."""
-    lane_width_m: float = Field(default=3.6, ge=2.4, le=5)
-    speed_limit_mph: int = Field(default=25, ge=20, le=75, multiple_of=5)
-    """Posted speed: it sets the taper's length."""
-    direction_rad: float = Field(default=0.5, ge=-7, le=7)
-    """Direction of travel at the taper's start, counter-clockwise from east: turns the scene."""
-    curvature_per_m: float = Field(default=-0.002, ge=-0.005, le=0.005)
-    """Constant curvature, positive to the left; 0 is straight. A bend towards the closed lane keeps
-    the open one outside the anchors' convex hull."""
+    Parameters
+    ----------
+    name
+        One of :data:`PRESETS`, or one with ``-training`` or ``-test`` behind it for that part of
+        its layouts; or a path.
 
+    Raises
+    ------
+    ConfigError
+        If there is no such preset, or the file is not one.
 
-class ClosureConfig(_Settings):
-    """What stands on the closed lane: merging taper, buffer, work, downstream taper."""
-
-    buffer_m: float = Field(default=47.0, ge=0, le=300)
-    """Free space between taper and work; about the stopping distance (155 ft at 25 mph)."""
-    work_m: float = Field(default=60.0, ge=0, le=1000)
-    downstream_taper_m: float = Field(default=15.0, ge=1, le=60)
-    n_anchors: int = Field(default=8, ge=1, le=1000)
-    placement_sigma_m: float = Field(default=0.15, ge=0, le=1)
-    """How far off its mark a crew sets a cone, along and across the road."""
-    antenna_up_m: float = Field(default=0.9, ge=0, le=3)
-    """Height of the cones' antennas above the road."""
-    antenna_up_sigma_m: float = Field(default=0.02, ge=0, le=0.5)
-
-
-class DriveConfig(_Settings):
-    """How the vehicle drives past; it is at the middle of the closure halfway through."""
-
-    duration_s: float = Field(default=60.0, ge=1, le=3600)
-    speed_mps: float = Field(default=6.0, ge=0, le=40)
-    """Mean speed; 0 is a vehicle parked beside the middle of the closure."""
-    speed_variation: float = Field(default=0.3, ge=0, lt=1)
-    """Share of the speed by which traffic slows it down and lets it go. At constant speed a clock
-    offset looks like anchors moved along the road."""
-    rate_hz: float = Field(default=8.0, ge=1, le=200)
-    """Samples of the trajectory per second."""
-    lane_change: bool = True
-    """Merge before the taper and move back behind the closure, or keep to the open lane."""
-    lane_change_m: float = Field(default=40.0, ge=5, le=300)
-    """Length of road that a lane change takes."""
-    lane_change_gap_m: float = Field(default=20.0, ge=0, le=300)
-    """Road between a lane change and the closure."""
-    sway_m: float = Field(default=0.1, ge=0, le=1)
-    """Root mean square of the wander within the lane."""
-    position_sigma_m: float = Field(default=0.01, ge=0, le=1)
-    """Noise of the recorded positions (RTK-GNSS: about 0.01 m)."""
-    antenna_up_m: float = Field(default=1.6, ge=0, le=5)
-    """Height of the tag's antenna above the road."""
-
-
-class RangingConfig(_Settings):
-    """How anchors are polled and what goes wrong with their ranges."""
-
-    rate_hz: float = Field(default=10.0, gt=0, le=100)
-    """Polls of each anchor per second."""
-    max_range_m: float = Field(default=60.0, gt=0, le=1000)
-    """Anchors farther away do not answer."""
-    sigma_m: float = Field(default=0.04, ge=0, le=1)
-    """Standard deviation of the Gaussian noise at no distance ..."""
-    sigma_per_m: float = Field(default=0.0008, ge=0, le=0.1)
-    """... and its growth per metre of distance."""
-    nlos_share: _Share = 0.15
-    """Share of the time without line of sight."""
-    nlos_duration_s: float = Field(default=1.5, gt=0, le=600)
-    """Mean duration of a stretch without line of sight; at least one poll."""
-    nlos_bias_m: float = Field(default=0.25, ge=0, le=20)
-    """Mean of the excess range without line of sight; log-normal, never negative."""
-    burst_rate: _Share = 0.004
-    """Probability that a burst (2 or 3 readings with one constant offset) starts at a reading."""
-    burst_min_m: float = Field(default=1.0, ge=0, le=1000)
-    burst_max_m: float = Field(default=12.0, ge=0, le=1000)
-    """A burst's offset lies between the two in size and has either sign."""
-    burst_negative_share: float = Field(default=0.8, ge=0, le=1)
-    dropout_share: _Share = 0.12
-    """Share of the polls that get no answer."""
-    dropout_duration_s: float = Field(default=0.15, gt=0, le=600)
-    """Mean duration of a dropout; at least one poll."""
-    held_share: _Share = 0.05
-    """Share of the readings that repeat the one before."""
-    clock_offset_s: float = Field(default=0.2, ge=-3600, le=3600)
-    """Radio clock minus trajectory clock: how late the readings' stamps are."""
-    rssi_at_1m_dbm: float = Field(default=-77.0, ge=-200, le=30)
-    rssi_per_decade_db: float = Field(default=4.5, ge=0, le=60)
-    """Loss of received power for each tenfold distance; 20 in free space, less in a receiver
-    that saturates."""
-    rssi_sigma_db: float = Field(default=1.5, ge=0, le=20)
-    nlos_first_path_loss_db: float = Field(default=6.0, ge=0, le=60)
-    """How much weaker the first path is without line of sight."""
-
-    @model_validator(mode="after")
-    def _check(self) -> RangingConfig:
-        if self.burst_min_m > self.burst_max_m:
-            raise ValueError(
-                "expected burst_min_m <= burst_max_m, "
-                f"got {self.burst_min_m:g} and {self.burst_max_m:g}"
-            )
-        for name in ("nlos", "dropout"):
-            share = getattr(self, f"{name}_share")
-            polls = max(1.0, self.rate_hz * getattr(self, f"{name}_duration_s"))
-            if share > polls / (1 + polls):
-                raise ValueError(
-                    f"{name}_share {share:g} is too much for its short duration: "
-                    f"stretches of {polls:g} polls reach {polls / (1 + polls):g}"
-                )
-        return self
-
-
-class PassConfig(_Settings):
-    """One pass along one closure: everything that a simulated scene depends on besides its seed."""
-
-    road: RoadConfig = RoadConfig()
-    closure: ClosureConfig = ClosureConfig()
-    drive: DriveConfig = DriveConfig()
-    ranging: RangingConfig = RangingConfig()
+    Examples
+    --------
+    >>> find_preset("parked").drive.speed_mps
+    0.0
+    >>> find_preset("wild-test").split
+    'test'
+    """
+    if name.endswith(".yaml"):
+        return load_preset(Path(name))
+    if name in PRESETS:
+        return PRESETS[name]
+    base, _, part = name.rpartition("-")
+    if base in PRESETS and part in ("training", "test"):
+        return PRESETS[base].model_copy(update={"split": part})
+    raise ConfigError(f"unknown preset {name!r}; there are {', '.join(PRESETS)}")
 
 
 DEFAULT_PRESET = "lane-closure"
+
+_NAIVE = PassConfig(
+    # Independent Gaussian errors, positive without line of sight, and outliers of one reading.
+    ranging=RangingConfig(
+        sigma_m=0.1,
+        sigma_per_m=0.0,
+        los_s=0.7,  # a new draw about every reading
+        nlos_s=0.3,
+        nlos_bias_correlation_s=0.01,
+        nlos_bias_m=0.5,
+        nlos_bias_sigma_m=0.3,
+        burst_per_s=0.1,
+        burst_lengths=(1.0,),
+        burst_negative_share=0.5,
+        outage_per_s=0.0,
+        held_share=0.0,
+        clock_offset_s=0.0,
+    ),
+)
+
+_STRESS = PassConfig(
+    # Six seconds of a pass on a road that starts out east and bends to the right: where a vehicle
+    # is tells where the anchors are. A member of this family is like any other.
+    road=RoadConfig(direction_rad=0.0, speed_limit_mph=55),
+    drive=DriveConfig(duration_s=6.4, rate_hz=10.0, position_sigma_m=0.02),
+    ranging=RangingConfig(
+        max_range_m=2000.0,
+        dropout_share=0.0,
+        outage_per_s=0.0,
+        held_share=0.0,
+        sigma_m=0.5,
+        los_s=0.8,
+        nlos_s=2.9,
+        nlos_bias_m=2.0,
+        nlos_bias_sigma_m=1.5,
+        burst_per_s=0.2,
+        clock_offset_s=0.0,
+    ),
+    vary={
+        "road.curvature_per_m": [-0.003, -0.001],
+        "closure.n_anchors": [8, 12],
+        "closure.buffer_m": [30.0, 60.0],
+        "closure.work_m": [60.0, 120.0],
+        "drive.ahead_m": [-40.0, 40.0],
+        "drive.speed_mps": [8.0, 15.0],
+    },
+)
+
+_WILD = PassConfig(
+    closure=ClosureConfig(),
+    drive=DriveConfig(duration_s=6.4, rate_hz=10.0),
+    ranging=RangingConfig(clock_offset_s=0.0, max_range_m=300.0),
+    vary={
+        "road.closed_lane": ["right", "left"],
+        "road.direction_rad": [-_PI, _PI],
+        "road.curvature_per_m": [-0.003, 0.003],
+        "road.s_curve": [False, True],
+        "road.inflection_m": [0.0, 150.0],
+        "road.speed_limit_mph": [20, 25, 30, 35, 40, 45, 55, 65],
+        "closure.kind": [
+            "lane-closure",
+            "shoulder-closure",
+            "lane-shift",
+            "median-crossover",
+            "mobile-operation",
+        ],
+        "closure.both_sides": [False, True],
+        "closure.n_anchors": [4, 12],
+        "closure.buffer_m": [10.0, 100.0],
+        "closure.work_m": [20.0, 150.0],
+        "closure.antenna_up_m": [0.4, 1.5],
+        "closure.n_trucks": [0, 3],
+        "closure.n_crew": [0, 6],
+        "drive.ahead_m": [-80.0, 80.0],
+        "drive.speed_mps": [2.0, 25.0],
+        "drive.lane_change": [False, True],
+        "drive.sway_m": [0.0, 0.2],
+        "ranging.bias_m": [-0.2, 0.2],
+        "ranging.bias_per_decade_m": [-0.1, 0.3],
+        "ranging.sigma_m": [0.02, 0.2],
+        "ranging.own_drift_sigma_m": [0.0, 0.1],
+        "ranging.los_s": [1.0, 20.0],
+        "ranging.nlos_s": [0.3, 10.0],
+        "ranging.nlos_bias_m": [0.05, 2.0],
+        "ranging.nlos_bias_sigma_m": [0.05, 1.0],
+        "ranging.burst_per_s": [0.0, 0.3],
+        "ranging.burst_negative_share": [0.0, 1.0],
+        "ranging.dropout_share": [0.0, 0.3],
+    },
+)
 
 PRESETS = MappingProxyType(
     {
@@ -160,6 +207,10 @@ PRESETS = MappingProxyType(
             drive=DriveConfig(lane_change=False, sway_m=0.03),
         ),
         "parked": PassConfig(drive=DriveConfig(speed_mps=0.0, lane_change=False)),
+        "naive": _NAIVE,
+        "calibrated": load_preset(Path(__file__).with_name("calibrated.yaml")),
+        "stress": _STRESS,
+        "wild": _WILD,
     }
 )
 """Named settings: ``sim:NAME`` on the command line."""

@@ -1,8 +1,11 @@
-"""What the radio reports of an anchor: polls, answers, and ranges with their errors.
+"""What the radio reports of the anchors: polls, answers, and ranges with their errors.
 
-The errors come in the order in which they arise: line of sight lost for a while (a two-state Markov
-chain) adds a slowly varying, positive excess; noise grows with distance; some polls get no answer;
-of the answers that come, a few in a row share a spike's offset, and some repeat the one before.
+The errors come in the order in which they arise: a bias of distance, drift and lost line of sight;
+noise that grows with distance; bursts of a few polls that share a spike's offset; polls that get no
+answer; answers that repeat the one before.
+
+Every random number belongs to one anchor and comes in the order of the anchors, so that one more
+anchor leaves the others' readings as they are.
 """
 
 from __future__ import annotations
@@ -11,165 +14,202 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64
-from gaia_uwb.simulate.presets import RangingConfig
-from gaia_uwb.simulate.trajectories import Drive
-
-_POLL_JITTER = 0.05  # in polls: the radio's schedule is not exact
-_NLOS_BIAS_LOG_SIGMA = (
-    0.5  # spread of the log-normal excess: a mean of 0.25 m varies from 0.1 to 0.5 m
-)
+from gaia_uwb._typing import Array, Bool, Float64, Int64
+from gaia_uwb.episode import bias_basis
+from gaia_uwb.simulate.chains import Stream, at_steps, correlated, two_state
+from gaia_uwb.simulate.settings import RangingConfig
 
 
 @dataclass(frozen=True)
-class Readings:
-    """The readings of one anchor with their truth, in the order of time.
+class Reports:
+    """What became of every poll, with its truth.
 
     Parameters
     ----------
-    t_s : (R,)
-        True time of each reading in the trajectory's clock, in seconds.
-    range_m, true_range_m : (R,)
-        Measured and true slant ranges, in metres.
-    nlos : (R,)
+    answered : (N, P)
+        True where a reading was reported; elsewhere the other arrays mean nothing.
+    range_m : (N, P)
+        Reported slant ranges, in metres.
+    nlos : (N, P)
         True where there was no line of sight.
-    rssi_dbm, rssi_fp_dbm : (R,)
-        Received power, and that of the first path, in dBm.
+    bias_m : (N, P)
+        The part of the error that is neither noise nor a burst's offset, in metres.
+    outlier : (N, P)
+        True where a burst's offset is in the reported range.
     """
 
-    t_s: Float64[Array, "R"]
-    range_m: Float64[Array, "R"]
-    true_range_m: Float64[Array, "R"]
-    nlos: Bool[Array, "R"]
-    rssi_dbm: Float64[Array, "R"]
-    rssi_fp_dbm: Float64[Array, "R"]
+    answered: Bool[Array, "N P"]
+    range_m: Float64[Array, "N P"]
+    nlos: Bool[Array, "N P"]
+    bias_m: Float64[Array, "N P"]
+    outlier: Bool[Array, "N P"]
 
 
-def simulate_readings(
-    drive: Drive,
-    anchor_m: Float64[Array, "2"],
-    anchor_up_m: float,
+def simulate_reports(
+    true_range_m: Float64[Array, "N P"],
+    cut: Bool[Array, "N P"],
+    step_s: float,
     settings: RangingConfig,
-    rng: np.random.Generator,
-) -> Readings:
-    """Simulate all readings of one anchor during a drive.
+    stream: Stream,
+) -> Reports:
+    """Simulate what the radio reports of polls at (about) even times.
 
     Parameters
     ----------
-    drive
-        The drive.
-    anchor_m : (2,)
-        East and north of the anchor, in metres.
-    anchor_up_m
-        Height of the anchor's antenna, in metres.
+    true_range_m : (N, P)
+        True slant range at each poll of each anchor, in metres.
+    cut : (N, P)
+        True where an obstacle cuts the line of sight.
+    step_s
+        Time between two polls of an anchor, in seconds.
+    settings
+        Settings of the ranging.
+    stream
+        Source of randomness.
+    """
+    n, p = true_range_m.shape
+    spread = settings.averaged - 1  # raw ranges before the first report that count in it
+    draw = stream("ranging-uniform").random((n, 5, p))
+    normal = stream("ranging-normal").standard_normal((n, 5, p + spread))
+    nlos = cut if settings.los_s is None else cut | two_state(
+        draw[:, 0], settings.los_s, settings.nlos_s, step_s
+    )  # fmt: skip
+    bias_m = _bias_m(true_range_m, nlos, normal[:, 1:3, spread:], step_s, settings)
+    if settings.drift_sigma_m:
+        common = stream("drift").standard_normal((1, p))
+        bias_m += settings.drift_sigma_m * correlated(common, settings.drift_correlation_s, step_s)
+    noise = _noise(normal[:, 0], settings, stream)
+    error_m = bias_m + (settings.sigma_m + settings.sigma_per_m * true_range_m) * noise
+    if settings.nlos_sigma_m:
+        error_m += nlos * (settings.nlos_sigma_m * normal[:, 3, spread:])
+    offset_m = _burst_m(draw[:, 4], normal[:, 4, spread:], step_s, settings)
+    answered = _answered(true_range_m, draw[:, 1:3], step_s, settings)
+    source = _held(answered, draw[:, 3] < settings.held_share)
+    return Reports(
+        answered=answered,
+        range_m=at_steps(true_range_m + error_m + offset_m, source),
+        nlos=nlos,
+        bias_m=bias_m,
+        outlier=at_steps(offset_m != 0, source),
+    )
+
+
+def received_power(
+    true_range_m: Float64[Array, "N P"],
+    nlos: Bool[Array, "N P"],
+    settings: RangingConfig,
+    rng: np.random.Generator,
+) -> tuple[Float64[Array, "N P"], Float64[Array, "N P"]]:
+    """Draw the received power and that of the first path, which is never stronger, in dBm.
+
+    Parameters
+    ----------
+    true_range_m : (N, P)
+        True slant ranges, in metres.
+    nlos : (N, P)
+        True where there is no line of sight.
     settings
         Settings of the ranging.
     rng
-        The anchor's own source of randomness.
-
-    Returns
-    -------
-    Readings
-        Possibly none, where the anchor is never near enough.
+        Source of the fading.
     """
-    t_s = _poll_times_s(drive.config.drive.duration_s, settings.rate_hz, rng)
-    true_range_m = np.hypot(
-        np.hypot(*(drive.position_m(t_s) - anchor_m).T),
-        drive.config.drive.antenna_up_m - anchor_up_m,
-    )
-    nlos = _stretches(
-        len(t_s), settings.nlos_share, settings.nlos_duration_s * settings.rate_hz, rng
-    )
-    range_m = true_range_m + np.where(nlos, _nlos_bias_m(len(t_s), settings, rng), 0.0)
-    range_m += rng.standard_normal(len(t_s)) * (
-        settings.sigma_m + settings.sigma_per_m * true_range_m
-    )
-    rssi_dbm, rssi_fp_dbm = _received_power(true_range_m, nlos, settings, rng)
-    silent = _stretches(
-        len(t_s), settings.dropout_share, settings.dropout_duration_s * settings.rate_hz, rng
-    )
-    answered = ~silent & (true_range_m <= settings.max_range_m)
-    return Readings(
-        t_s=t_s[answered],
-        range_m=_repeat_some(_add_bursts(range_m[answered], settings, rng), settings, rng),
-        true_range_m=true_range_m[answered],
-        nlos=nlos[answered],
-        rssi_dbm=rssi_dbm[answered],
-        rssi_fp_dbm=rssi_fp_dbm[answered],
-    )
-
-
-def _poll_times_s(
-    duration_s: float, rate_hz: float, rng: np.random.Generator
-) -> Float64[Array, "n"]:
-    """Draw when an anchor is polled: in its own slot of every period, give or take the jitter."""
-    n = int(duration_s * rate_hz)
-    slot = rng.uniform(_POLL_JITTER, 1 - _POLL_JITTER)
-    jitter = rng.uniform(-_POLL_JITTER, _POLL_JITTER, n)
-    return (np.arange(n) + slot + jitter) / rate_hz
-
-
-def _stretches(
-    n: int, share: float, mean_length: float, rng: np.random.Generator
-) -> Bool[Array, "n"]:
-    """Draw a two-state Markov chain that is on for a share of the steps, in stretches."""
-    leave = 1 / max(1.0, mean_length)
-    enter = leave * share / (1 - share)  # balances what leaves, so the share holds from the start
-    draw = rng.random(n + 1)
-    on = np.empty(n, dtype=bool)
-    state = draw[0] < share
-    for k in range(n):
-        on[k] = state
-        state = draw[k + 1] >= leave if state else draw[k + 1] < enter
-    return on
-
-
-def _nlos_bias_m(n: int, settings: RangingConfig, rng: np.random.Generator) -> Float64[Array, "n"]:
-    """Draw a positive excess range that varies as slowly as the line of sight comes and goes."""
-    keep = np.exp(-1 / (settings.rate_hz * settings.nlos_duration_s))
-    step = rng.standard_normal(n)
-    log_excess = step.copy()
-    for k in range(1, n):  # autoregressive, of unit variance from the first step
-        log_excess[k] = keep * log_excess[k - 1] + np.sqrt(1 - keep**2) * step[k]
-    sigma = _NLOS_BIAS_LOG_SIGMA
-    return settings.nlos_bias_m * np.exp(sigma * log_excess - sigma**2 / 2)  # of that mean
-
-
-def _received_power(
-    true_range_m: Float64[Array, "R"],
-    nlos: Bool[Array, "R"],
-    settings: RangingConfig,
-    rng: np.random.Generator,
-) -> tuple[Float64[Array, "R"], Float64[Array, "R"]]:
-    """Draw the received power and that of the first path, which is never stronger, in dBm."""
+    n, p = true_range_m.shape
     loss_db = settings.rssi_per_decade_db * np.log10(np.maximum(true_range_m, 1.0))
-    fading_db = settings.rssi_sigma_db * rng.standard_normal((2, len(true_range_m)))
-    rssi_dbm = settings.rssi_at_1m_dbm - loss_db + fading_db[0]
-    first_path_loss_db = np.abs(fading_db[1]) + settings.nlos_first_path_loss_db * nlos
+    fading_db = settings.rssi_sigma_db * rng.standard_normal((n, 2, p))
+    rssi_dbm = settings.rssi_at_1m_dbm - loss_db + fading_db[:, 0]
+    first_path_loss_db = np.abs(fading_db[:, 1]) + settings.nlos_first_path_loss_db * nlos
     return rssi_dbm, rssi_dbm - first_path_loss_db
 
 
-def _add_bursts(
-    range_m: Float64[Array, "R"], settings: RangingConfig, rng: np.random.Generator
-) -> Float64[Array, "R"]:
-    """Add constant offsets to some runs of 2 or 3 readings; two bursts never touch."""
-    range_m = range_m.copy()
-    free_from = 0
-    for start in np.flatnonzero(rng.random(len(range_m)) < settings.burst_rate).tolist():
-        length = int(rng.integers(2, 4))
-        offset_m = rng.uniform(settings.burst_min_m, settings.burst_max_m)
-        if rng.random() < settings.burst_negative_share:
-            offset_m = -offset_m
-        if start >= free_from:
-            range_m[start : start + length] += offset_m
-            free_from = start + length + 1
-    return range_m
+def _bias_m(
+    true_range_m: Float64[Array, "N P"],
+    nlos: Bool[Array, "N P"],
+    normal: Float64[Array, "N 2 P"],
+    step_s: float,
+    settings: RangingConfig,
+) -> Float64[Array, "N P"]:
+    """Return the bias of distance, the anchors' own drift and the excess of lost line of sight."""
+    if settings.bias_m or settings.bias_per_decade_m:
+        basis = bias_basis(true_range_m)
+        bias_m = settings.bias_m + settings.bias_per_decade_m * basis[..., 1]
+    else:
+        bias_m = np.zeros(true_range_m.shape)
+    if settings.own_drift_sigma_m:
+        bias_m += settings.own_drift_sigma_m * correlated(
+            normal[:, 0], settings.own_drift_correlation_s, step_s
+        )
+    if settings.nlos_bias_m:
+        mean_m, correlation_s = settings.nlos_bias_m, settings.nlos_bias_correlation_s
+        variance = np.log1p((settings.nlos_bias_sigma_m / mean_m) ** 2)  # of the logarithm
+        log = np.sqrt(variance) * correlated(normal[:, 1], correlation_s, step_s) - variance / 2
+        bias_m += nlos * (mean_m * np.exp(log))
+    return bias_m
 
 
-def _repeat_some(
-    range_m: Float64[Array, "R"], settings: RangingConfig, rng: np.random.Generator
-) -> Float64[Array, "R"]:
-    """Let some readings hold the range of the one before."""
-    held = rng.random(len(range_m)) < settings.held_share
-    held[:1] = False
-    return range_m[np.maximum.accumulate(np.where(held, 0, np.arange(len(range_m))))]
+def _noise(
+    normal: Float64[Array, "N Q"], settings: RangingConfig, stream: Stream
+) -> Float64[Array, "N P"]:
+    """Return noise of variance 1 with the declared tails, averaged like the radio averages."""
+    noise = normal
+    dof = settings.tail_dof
+    if dof is not None:
+        chi2 = 2 * stream("tails").standard_gamma(dof / 2, normal.shape)
+        noise = normal * np.sqrt((dof - 2) / chi2)
+    count = settings.averaged
+    if count == 1:
+        return noise
+    p = normal.shape[1] - count + 1
+    total = noise[:, :p].copy()
+    for k in range(1, count):
+        total += noise[:, k : k + p]
+    return np.asarray(total / np.sqrt(count))
+
+
+def _burst_m(
+    draw: Float64[Array, "N P"],
+    normal: Float64[Array, "N P"],
+    step_s: float,
+    settings: RangingConfig,
+) -> Float64[Array, "N P"]:
+    """Return the offsets of bursts, 0 outside them; where two overlap, the later one counts."""
+    starts = min(1.0, settings.burst_per_s * step_s)
+    anchor, start = np.nonzero(draw < starts)
+    # A number drawn below a limit is, divided by the limit, a new number between 0 and 1.
+    share = draw[anchor, start] / starts if starts else draw[anchor, start]
+    negative = share < settings.burst_negative_share
+    part = np.where(negative, settings.burst_negative_share, 1 - settings.burst_negative_share)
+    share = np.where(negative, share, share - settings.burst_negative_share) / part
+    longest = np.cumsum(settings.burst_lengths)[:-1]
+    length = 1 + np.searchsorted(longest, share, side="right")
+    size_m = settings.burst_median_m * np.exp(settings.burst_log_sigma * normal[anchor, start])
+    size_m = np.minimum(size_m, settings.burst_max_m)
+    burst_m = np.where(negative, -size_m, size_m)
+    offset_m = np.zeros(normal.shape)
+    for later in range(len(settings.burst_lengths) - 1, -1, -1):
+        on = (length > later) & (start + later < normal.shape[1])
+        offset_m[anchor[on], start[on] + later] = burst_m[on]
+    return offset_m
+
+
+def _answered(
+    true_range_m: Float64[Array, "N P"],
+    draw: Float64[Array, "N 2 P"],
+    step_s: float,
+    settings: RangingConfig,
+) -> Bool[Array, "N P"]:
+    """Return which polls are answered: within range, not lost, and not in an outage."""
+    share = 1 - settings.dropout_share
+    limit_m, soft_m = settings.max_range_m, settings.soft_range_m
+    answered = (draw[:, 0] < share) & (true_range_m <= limit_m)
+    if soft_m:
+        answered &= draw[:, 0] < share * (limit_m - true_range_m) / soft_m
+    if settings.outage_per_s:
+        answered &= ~two_state(draw[:, 1], 1 / settings.outage_per_s, settings.outage_s, step_s)
+    return answered
+
+
+def _held(answered: Bool[Array, "N P"], held: Bool[Array, "N P"]) -> Int64[Array, "N P"]:
+    """Return the poll whose range each reading reports: a held one repeats the reading before."""
+    step = np.arange(answered.shape[1])
+    fresh = np.maximum.accumulate(np.where(answered & ~held, step, -1), axis=1)
+    return np.where(fresh < 0, step, fresh)

@@ -1,0 +1,324 @@
+"""Repeat the paper's tables: each experiment computes, and writes everything that it found.
+
+Table 5 gives ``results.json``, the table as Markdown, CSV and LaTeX, two pictures as PNG and SVG,
+and the fitted error model as a preset file.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, astuple
+from typing import Any
+
+from gaia_uwb.error_plots import figure_svg, plot_autocorrelation, plot_quantiles
+from gaia_uwb.error_statistics import ErrorSummary
+from gaia_uwb.files import OutputFolder
+from gaia_uwb.plots import figure_png
+from gaia_uwb.scene import Scene
+from gaia_uwb.sim_calibration import preset_text
+from gaia_uwb.simulator_check import (
+    N_PASSES,
+    N_REPLAYS,
+    PAPER_ROWS,
+    VIEWS,
+    Row,
+    SimulatorCheck,
+    check_simulator,
+)
+
+_HEADINGS = ("mean (m)", "p95 (m)", "p99 (m)", "outlier rate", "burst mean", "burst p95")
+_DIGITS = (4, 4, 4, 4, 2, 1)
+_UNITS = ("m", "m", "m", "", "samples", "samples")
+_CLIP_M = 1.0  # in the picture of the memory, larger errors count as this
+_CORRECTED, _, _PAPER = VIEWS
+
+_DEFINITIONS = f"""\
+- **Error**: reported range minus true slant distance, signed. *corrected*: each reading at its own
+  time, the distance from the path's pose at that time less the clock offset (estimated from the
+  log without truth), heights of both antennas included. *paper*: the way that comes nearest to the
+  paper's own real row, which it does not define: ranges held until the anchor's next one on a 10 Hz
+  timeline, compared with the distance without the clock offset and with the tag's antenna 1 m lower
+  than it was.
+- **Mean**: of the signed errors. **p95, p99**: quantiles of their absolute values.
+- **Outlier**: an absolute error above 1 m (above 0.3 m in the view *corrected, 0.3 m*). **Outlier
+  rate**: outliers over errors.
+- **Burst**: outliers of one anchor that follow one another, of either sign; its length is the
+  number of its samples. **Burst mean, p95**: over all bursts of all anchors and runs.
+- **Wasserstein**: 1-Wasserstein distance between the errors of the row and the real ones.
+- **Intervals**: 95 % percentile bootstrap over runs, of eight runs: rather too short.
+- **LOS, NLOS**: the label of the run, the data set's folder.
+- *calibrated* and *naive* repeat the real drives (path, anchors, times of readings, labels), each
+  {N_REPLAYS} times, with simulated errors. For *calibrated* the errors are fitted to two of the
+  four cases and the other two are repeated, for all six choices; no run is ever judged by a fit
+  that saw it. *lane closure* is {N_PASSES} whole passes of the simulator instead, at vehicle speed;
+  there the error model is the one fitted to all cases. At that speed a range that repeats the one
+  before is off by what the vehicle moved since, so its tails must be longer than the walks'.
+"""
+
+
+def reproduce_table5(
+    scenes: Sequence[Scene],
+    folder: OutputFolder,
+    *,
+    version: str,
+    seed: int = 0,
+    each: Callable[[Sequence[tuple[str, ...]]], Iterable[tuple[str, ...]]] = iter,
+) -> SimulatorCheck:
+    """Check the simulator against surveyed runs and write all that was found.
+
+    Parameters
+    ----------
+    scenes
+        The runs of the outdoor UWB data set.
+    folder
+        Where to write.
+    version
+        Of the package, for the reader.
+    seed
+        Of all that is simulated, and of the bootstrap.
+    each
+        Goes through the choices of cases; a progress bar may stand here.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than four cases, or a scene has no surveyed anchors.
+    ConfigError
+        If a file cannot be written.
+    """
+    check = check_simulator(scenes, seed=seed, each=each)
+    folder.write_text("table5.csv", table_csv(check.rows))
+    folder.write_text("table5.tex", table_latex(check.rows))
+    folder.write_text("calibrated.yaml", preset_text(check.fitted, scenes, version))
+    tracks = {
+        method: [track for run in runs.values() for track in run]
+        for method, runs in check.corrected_runs.items()
+    }
+    simulated = {method: own for method, own in tracks.items() if method != "real"}
+    figures = {
+        "quantiles": plot_quantiles(tracks["real"], simulated),
+        "autocorrelation": plot_autocorrelation(
+            tracks, rate_hz=check.fitted.rate_hz, clip_m=_CLIP_M
+        ),
+    }
+    for name, figure in figures.items():
+        folder.write_bytes(f"simulator-check-{name}.png", figure_png(figure))
+        folder.write_bytes(f"simulator-check-{name}.svg", figure_svg(figure))
+    folder.write_text("simulator-check.md", check_markdown(check))
+    results = json.dumps(table5_json(check, version, seed), indent=2, allow_nan=False)
+    folder.write_text("results.json", results + "\n")
+    return check
+
+
+def table5_json(check: SimulatorCheck, version: str, seed: int) -> dict[str, Any]:
+    """Return the content of ``results.json``.
+
+    Parameters
+    ----------
+    check
+        What was found.
+    version
+        Of the package.
+    seed
+        That was used.
+    """
+    rows = []
+    for row in check.rows:
+        metrics: dict[str, Any] = {}
+        for name, unit in zip(ErrorSummary.columns(), _UNITS, strict=True):
+            value, ci95 = getattr(row.summary, name), row.intervals[name]
+            metrics[name] = {"value": value, "ci95": ci95, "n": row.n, "unit": unit}
+        metrics["wasserstein_m"] = {
+            "value": row.wasserstein_m, "ci95": None, "n": row.n, "unit": "m"
+        }  # fmt: skip
+        rows.append(
+            {"method": row.method, "view": row.view.name, "sight": row.sight, "metrics": metrics}
+        )
+    splits = [
+        {
+            "fitted": split.fitted,
+            "held_out": split.held_out,
+            "view": split.view.name,
+            "real": asdict(split.real),
+            "calibrated": asdict(split.calibrated),
+            "gap_over_paper_gap": split.gap_ratios(),
+        }
+        for split in check.splits
+    ]
+    protocol = {
+        "data": "outdoor-uwb",
+        "split": "errors fitted to two cases, checked on the other two, all six choices",
+        "length": "whole",
+        "solver": "none",
+        "views": [asdict(view) for view in VIEWS],
+        "replays": N_REPLAYS,
+        "lane_closure_passes": N_PASSES,
+        "seed": seed,
+        "version": version,
+    }
+    paper = {method: asdict(summary) for method, summary in PAPER_ROWS.items()}
+    return {"schema": 1, "protocol": protocol, "paper": paper, "rows": rows, "splits": splits}
+
+
+def table_csv(rows: Sequence[Row]) -> str:
+    """Return all rows as CSV, with the ends of the intervals.
+
+    Parameters
+    ----------
+    rows
+        Of the check.
+    """
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    columns = ErrorSummary.columns()
+    ends = [f"{name}_{end}" for name in columns for end in ("low", "high")]
+    writer.writerow(["view", "sight", "method", *columns, "wasserstein_m", "n", *ends])
+    for row in rows:
+        intervals = [row.intervals[name] or ("", "") for name in columns]
+        writer.writerow(
+            [row.view.name, row.sight, row.method, *astuple(row.summary), row.wasserstein_m, row.n]
+            + [end for interval in intervals for end in interval]
+        )
+    return out.getvalue()
+
+
+def table_latex(rows: Sequence[Row]) -> str:
+    """Return the table in the paper's form: all readings, the paper's and our rows.
+
+    Parameters
+    ----------
+    rows
+        Of the check.
+    """
+    lines = [
+        r"\begin{tabular}{llcccccc}",
+        r"\toprule",
+        r"Definition & Source & Mean (m) & p95 (m) & p99 (m) & Outlier Rate & Burst Mean "
+        r"& Burst p95 \\",
+        r"\midrule",
+    ]
+    for method, summary in PAPER_ROWS.items():
+        lines.append(rf"as printed in the paper & {method} & {' & '.join(_cells(summary))} \\")
+    for view in VIEWS:
+        lines.append(r"\midrule")
+        for row in rows:
+            if row.view == view and row.sight == "all":
+                lines.append(rf"{view.name} & {row.method} & {' & '.join(_cells(row.summary))} \\")
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
+
+
+def table_text(rows: Sequence[Row]) -> str:
+    """Return the rows of all readings as plain lines for a terminal.
+
+    Parameters
+    ----------
+    rows
+        Of the check.
+    """
+    lines = [["view", "source", *_HEADINGS]]
+    lines += [["as printed", method, *_cells(summary)] for method, summary in PAPER_ROWS.items()]
+    lines += [
+        [row.view.name, row.method, *_cells(row.summary)] for row in rows if row.sight == "all"
+    ]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+        for line in lines
+    )
+
+
+def check_markdown(check: SimulatorCheck) -> str:
+    """Return the whole check as a page of documentation.
+
+    Parameters
+    ----------
+    check
+        What was found.
+    """
+    parts = [
+        "# The simulator's statistical check (the paper's Table 5)\n",
+        "Written by `gaia reproduce table5`; do not edit. "
+        "`results.json` of the same command holds every number.\n",
+        "## Definitions, the same for all rows\n",
+        _DEFINITIONS,
+        "## Table\n",
+        *(_view_table(check, view.name) for view in VIEWS),
+        "\n".join(_paper_lines(check)),
+        "## Runs that the fit did not see, choice by choice\n",
+        "Distance of *calibrated* from *real*, over the same distance in the paper's table "
+        "(calibrated to real); below 1 is nearer than the paper's.\n",
+        "\n".join(_split_lines(check)),
+        "In the view *paper* about 1 % of the errors are outliers, so that p99 lies where few "
+        "events decide whether it is a quantile of the bulk or of the spikes: in LOS/A/2 one wrong "
+        "range, held through an outage of 4 s, makes 40 outliers. The error model has no tie "
+        "between wrong ranges and outages.\n",
+        "## What six numbers hide\n",
+        "![Quantiles of simulated over real errors](simulator-check-quantiles.png)\n",
+        "![Correlation of errors over time](simulator-check-autocorrelation.png)\n",
+        "Errors of the *corrected* view; in the second picture errors beyond "
+        f"{_CLIP_M:g} m count as that, and all that naive errors remember is the run's label.\n",
+    ]
+    return "\n".join(parts)
+
+
+def _view_table(check: SimulatorCheck, view: str) -> str:
+    lines = [
+        f"### {view}\n",
+        f"| sight | source | {' | '.join(_HEADINGS)} | Wasserstein (m) |",
+        f"|---|---|{'---|' * (len(_HEADINGS) + 1)}",
+    ]
+    for row in check.rows:
+        if row.view.name == view:
+            cells = []
+            columns = zip(_cells(row.summary), row.intervals.values(), _DIGITS, strict=True)
+            for cell, interval, digits in columns:
+                ends = "" if interval is None else " [{:.{d}f}, {:.{d}f}]".format(
+                    *interval, d=digits
+                )  # fmt: skip
+                cells.append(cell + ends)
+            distance = "" if row.method == "real" else f"{row.wasserstein_m:.4f}"
+            lines.append(f"| {row.sight} | {row.method} | {' | '.join(cells)} | {distance} |")
+    return "\n".join([*lines, ""])
+
+
+def _paper_lines(check: SimulatorCheck) -> list[str]:
+    """Set the paper's own rows beside ours under the definition that comes nearest."""
+    lines = [
+        "### The paper's rows\n",
+        f"| | {' | '.join(_HEADINGS)} |",
+        f"|---|{'---|' * len(_HEADINGS)}",
+    ]
+    for method, summary in PAPER_ROWS.items():
+        lines.append(f"| {method}, as printed | {' | '.join(_cells(summary))} |")
+    ours = [r for r in check.rows if r.view == _PAPER and r.sight == "all" and r.method == "real"]
+    lines += [f"| real, our view *paper* | {' | '.join(_cells(row.summary))} |" for row in ours]
+    return [
+        *lines,
+        "",
+        "No definition that we tried gives the paper's real row to the digit. We tried readings at "
+        "their own times, and the nearest, the held and the interpolated range on several "
+        "timelines, with limits of their age and without, whole runs and windows of 64, one sight "
+        "and one trajectory at a time, and thresholds from 0.3 to 3 m. A threshold of 1 m agrees "
+        "with p99 and outlier rate together, and held ranges with p95 and the mean; the burst "
+        "p95 of 29 is found with none of the definitions that give the other columns.\n",
+    ]
+
+
+def _split_lines(check: SimulatorCheck) -> list[str]:
+    lines = [
+        f"| view | fitted to | {' | '.join(_HEADINGS)} |",
+        f"|---|---|{'---|' * len(_HEADINGS)}",
+    ]
+    for view in (_CORRECTED, _PAPER):
+        for split in check.splits:
+            if split.view == view:
+                ratios = " | ".join(f"{ratio:.2f}" for ratio in split.gap_ratios().values())
+                lines.append(f"| {view.name} | {', '.join(split.fitted)} | {ratios} |")
+    return [*lines, ""]
+
+
+def _cells(summary: ErrorSummary) -> list[str]:
+    return [f"{value:.{d}f}" for value, d in zip(astuple(summary), _DIGITS, strict=True)]

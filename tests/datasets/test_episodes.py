@@ -1,0 +1,105 @@
+"""Episodes come back as they were written, from files that pandas reads, too."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import polars as pl
+import pytest
+
+from gaia_uwb.datasets import episodes as module
+from gaia_uwb.datasets.episodes import read_episodes, write_episodes
+from gaia_uwb.episode import Episode
+from gaia_uwb.errors import InputError, SourceError
+from gaia_uwb.simulate import PRESETS, simulate_episodes
+
+EPISODES = tuple(
+    replace(episode, frame=None) for episode in simulate_episodes(PRESETS["wild"], 7, seed=0)
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(module, "_EPISODES_IN_A_PART", 3)
+    assert list(write_episodes(EPISODES, tmp_path / "new" / "episodes")) == [3, 6, 7]
+    return tmp_path / "new" / "episodes"
+
+
+def assert_same(a: object, b: object) -> None:
+    for field in fields(a):  # type: ignore[arg-type]  # an episode or its truth
+        one, other = getattr(a, field.name), getattr(b, field.name)
+        if isinstance(one, np.ndarray):
+            np.testing.assert_array_equal(one, other, err_msg=field.name)
+        elif field.name == "truth":
+            assert_same(one, other)
+        else:
+            assert one == other
+
+
+def test_episodes_come_back_in_order_and_equal(folder: Path) -> None:
+    assert sorted(path.name for path in folder.iterdir()) == [
+        f"episodes-{k:06d}.parquet" for k in range(3)
+    ]
+    for one, other in zip(EPISODES, read_episodes(folder), strict=True):
+        assert_same(one, other)
+
+
+def test_pandas_reads_the_folder(folder: Path) -> None:
+    table = pd.read_parquet(folder)
+    assert len(table) == sum(episode.n_steps * episode.n_anchors for episode in EPISODES)
+    for episode in EPISODES:
+        rows = table[table["episode"] == episode.name]
+        grid = rows["range_m"].to_numpy().reshape(episode.n_steps, episode.n_anchors)
+        np.testing.assert_array_equal(grid, episode.range_m)
+        assert tuple(rows["anchor_id"][: episode.n_anchors]) == episode.anchor_ids
+
+
+def test_a_folder_with_episodes_is_left_alone(folder: Path) -> None:
+    with pytest.raises(SourceError, match="already"):
+        next(write_episodes(EPISODES, folder))
+
+
+def test_a_folder_without_episodes_is_a_source_error(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match="holds no"):
+        read_episodes(tmp_path)
+
+
+def test_a_folder_that_cannot_be_written_is_a_source_error(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(SourceError, match="cannot be written"):
+        next(write_episodes(EPISODES, tmp_path / "file"))
+
+
+@pytest.mark.parametrize("lacking", ["heights", "truth", "outlier"])
+def test_an_episode_that_lacks_something_is_an_input_error(lacking: str, tmp_path: Path) -> None:
+    truth = EPISODES[0].truth
+    assert truth is not None
+    poor: dict[str, Episode] = {
+        "heights": replace(EPISODES[0], tag_up_m=None),
+        "truth": EPISODES[0].without_truth(),
+        "outlier": replace(EPISODES[0], truth=replace(truth, outlier=None)),
+    }
+    with pytest.raises(InputError, match=EPISODES[0].name):
+        next(write_episodes([poor[lacking]], tmp_path))
+
+
+def test_bad_parts_are_input_errors(folder: Path) -> None:
+    path = folder / "episodes-000000.parquet"
+    table = pl.read_parquet(path)
+    for bad, says in (
+        (table.drop("nlos"), "column nlos"),
+        (table.head(-1), "a row for each"),
+        (table.with_columns(pl.col("anchor_id").reverse()), "a row for each"),
+        (table.with_columns(pl.lit("x").alias("t_s")), "cannot be read"),
+        (table.with_columns(pl.lit(None, pl.Float64).alias("true_range_m")), "truth.range_m"),
+    ):
+        bad.write_parquet(path)
+        with pytest.raises(InputError, match=says) as error:
+            list(read_episodes(folder))
+        assert path.name in str(error.value)
+    path.write_bytes(b"PAR1 no")
+    with pytest.raises(InputError, match="cannot be read"):
+        list(read_episodes(folder))

@@ -1,0 +1,73 @@
+"""A batch is its episodes, whoever makes them and in whatever company."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from gaia_uwb.episode import Episode
+from gaia_uwb.errors import ConfigError
+from gaia_uwb.simulate import PRESETS, simulate_episode, simulate_episodes
+from gaia_uwb.simulate.settings import PassConfig
+from gaia_uwb.simulate.variation import layout_part
+
+
+def assert_same(a: object, b: object) -> None:
+    for field in fields(a):  # type: ignore[arg-type]  # an episode or its truth
+        one, other = getattr(a, field.name), getattr(b, field.name)
+        if isinstance(one, np.ndarray):
+            np.testing.assert_array_equal(one, other, err_msg=field.name)
+        elif field.name == "truth":
+            assert_same(one, other)
+        else:
+            assert one == other
+
+
+@pytest.mark.parametrize("preset", ["stress", "wild"])
+def test_an_episode_alone_is_that_of_the_batch(preset: str) -> None:
+    batch = list(simulate_episodes(PRESETS[preset], 5, seed=8))
+    assert len({episode.name for episode in batch}) == 5
+    for k, episode in enumerate(batch):
+        assert_same(episode, simulate_episode(PRESETS[preset], 8, episode=k))
+    assert_same(batch[3], next(islice(simulate_episodes(PRESETS[preset], 10**9, 8), 3, None)))
+    other = simulate_episode(PRESETS[preset], 9)
+    assert not np.array_equal(other.position_m, batch[0].position_m)
+    assert not np.array_equal(batch[1].position_m, batch[0].position_m)
+
+
+def test_workers_change_nothing() -> None:
+    alone = list(simulate_episodes(PRESETS["stress"], 230, seed=1))
+    shared = list(simulate_episodes(PRESETS["stress"], 230, seed=1, workers=2))
+    assert len(shared) == 230
+    for one, other in zip(alone, shared, strict=True):
+        assert_same(one, other)
+    assert_frozen(shared[-1])
+
+
+def assert_frozen(episode: Episode) -> None:
+    assert episode.truth is not None
+    for part in (episode, episode.truth):
+        for value in vars(part).values():
+            if isinstance(value, np.ndarray):
+                assert not value.flags.writeable
+
+
+def test_parts_of_the_layouts_are_disjoint_in_a_batch() -> None:
+    places = {}
+    for part in ("training", "test"):
+        config = PRESETS["stress"].model_copy(update={"split": part})
+        episodes = simulate_episodes(config, 30, seed=0)
+        places[part] = {e.truth.anchor_m.tobytes() for e in episodes if e.truth is not None}
+    assert not places["training"] & places["test"]
+
+
+def test_an_impossible_part_is_told_by_the_worker_too() -> None:
+    other = {"training": "test", "test": "training"}[layout_part(PassConfig())]
+    config = PassConfig.model_validate({"split": other})
+    with pytest.raises(ConfigError, match="no layout"):
+        next(simulate_episodes(config, 2, seed=0))
+    with pytest.raises(ConfigError, match="no layout"):
+        next(simulate_episodes(config, 2, seed=0, workers=2))
