@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.stats
 
+from gaia_uwb import clock
 from gaia_uwb.clock import estimate_clock_offset
 from gaia_uwb.config import AlignmentConfig
 from gaia_uwb.episode import ClockOffset
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
-from gaia_uwb.simulate import PRESETS, PassConfig, simulate_pass
+from gaia_uwb.simulate import PRESETS, PassConfig, simulate, simulate_pass
 
 CONFIG = AlignmentConfig()
 PASS = PRESETS["lane-closure"]
@@ -213,7 +215,25 @@ def test_the_outdoor_runs(outdoor_dir: Path) -> None:
 
     found = [estimate(scene) for scene in outdoor_uwb.load(outdoor_dir / "outdoor-uwb")]
     assert len(found) == 8
-    for clock in found:
-        assert clock.applied
-        assert 0.15 < clock.offset_s < 0.21
-        assert clock.sigma_s < 0.03
+    for one in found:
+        assert one.applied
+        assert 0.15 < one.offset_s < 0.21
+        assert one.sigma_s < 0.03
+
+
+def test_few_stretches_of_time_need_more_standard_errors() -> None:
+    degrees = clock._DEGREES[:-1]
+    expected = scipy.stats.t.ppf(1.0 - 0.5 * 0.0027, degrees)
+    np.testing.assert_allclose(clock._STANDARD_ERRORS[:-1], expected, rtol=2e-3)
+    config = AlignmentConfig()
+    assert clock._decide(0.2, 0.05, 30, config).applied
+    assert not clock._decide(0.2, 0.05, 5, config).applied
+    short = clock._decide(0.2, 0.001, 1, config)
+    assert not short.applied
+    assert short.sigma_s == config.clock_offset_sigma_s
+    assert "too short" in short.reason
+
+
+def test_no_offset_is_made_up_in_short_passes_with_heavy_errors() -> None:
+    passes = simulate(PRESETS["stress"], 12, seed=7)
+    assert not any(estimate_clock_offset(scene, AlignmentConfig()).applied for scene in passes)

@@ -26,7 +26,13 @@ _MIN_READINGS = 8  # of one anchor: fewer tell nothing beside its place
 _SCAN_STEP_S = 0.1
 _MAX_STEPS = 8
 _VELOCITY_OVER_S = 0.5
-_STANDARD_ERRORS = 3.0  # an offset so far from 0 is told from it
+# So many standard errors from 0 an offset is told from it: the two-sided 0.27 % quantile of
+# Student's t (3 sigma of a Gaussian), since a standard error from K stretches of time has K - 1
+# degrees of freedom.
+_DEGREES = np.array([1, 2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 60, np.inf])
+_STANDARD_ERRORS = np.array(
+    [235.8, 19.21, 9.219, 6.62, 5.507, 4.904, 4.277, 3.957, 3.586, 3.422, 3.270, 3.130, 3.0]
+)
 
 
 def estimate_clock_offset(scene: Scene, config: AlignmentConfig) -> ClockOffset:
@@ -43,7 +49,7 @@ def estimate_clock_offset(scene: Scene, config: AlignmentConfig) -> ClockOffset:
     Returns
     -------
     ClockOffset
-        ``applied`` where the estimate exceeds three standard errors.
+        ``applied`` where the estimate is further from 0 than chance brings it in 0.27 % of cases.
     """
     if config.clock_offset == "off":
         return ClockOffset(0.0, 0.0, False, "both clocks are trusted, as the settings ask")
@@ -66,15 +72,16 @@ def estimate_clock_offset(scene: Scene, config: AlignmentConfig) -> ClockOffset:
     grid = np.linspace(-bound, bound, 2 * count + 1)
     cost = [sum(fit.negative_log_likelihood for fit in fits(float(d))) for d in grid]
     offset, sigma = float(grid[int(np.argmin(cost))]), np.inf
+    stretches = 0
     for _ in range(_MAX_STEPS):
-        step, sigma = _newton_step(scene, offset, blocks, fits(offset), config)
+        step, sigma, stretches = _newton_step(scene, offset, blocks, fits(offset), config)
         if abs(step) > 2 * _SCAN_STEP_S:  # the scan's best is no minimum to refine
             sigma = float(np.hypot(sigma, step))
             break
         offset += step
         if abs(step) < 1e-4:  # also where nothing tells the offset
             break
-    return _decide(float(np.clip(offset, -bound, bound)), sigma, config)
+    return _decide(float(np.clip(offset, -bound, bound)), sigma, stretches, config)
 
 
 def _always_posed(
@@ -96,10 +103,11 @@ def _newton_step(
     blocks: Sequence[Readings],
     fits: Sequence[Fit],
     config: AlignmentConfig,
-) -> tuple[float, float]:
-    """Return the offset's Gauss-Newton step and standard error, with the anchors profiled out.
+) -> tuple[float, float, int]:
+    """Return the offset's Gauss-Newton step, its standard error and the stretches behind that.
 
-    The standard error is infinite where the path's own noise is most of what varies the ranges.
+    The anchors are profiled out. The standard error is infinite where the path's own noise is most
+    of what varies the ranges.
     """
     information = curvature = total = 0.0
     times, scores, anchors = [], [], []
@@ -115,14 +123,14 @@ def _newton_step(
         anchors.append(score.sum(axis=1)[use.any(axis=1)])
     real = information - total * _velocity_noise_mps(scene.trajectory) ** 2
     if real <= 0.25 * information or real <= 1e-9 * total:
-        return 0.0, np.inf
+        return 0.0, np.inf, 0
     t_s, score = np.concatenate(times), np.concatenate(scores)
     block = ((t_s - t_s.min()) // config.error_correlation_s).astype(np.int64)
     sums = np.bincount(block, weights=score)[np.bincount(block) > 0]
     # Errors may be alike in one stretch of time, or in one anchor; the worst of these counts.
     variance = max(_variance(score), _variance(sums), _variance(np.concatenate(anchors)))
     bend = max(curvature, 0.25 * information) * real / information
-    return float(score.sum()) / information, float(np.sqrt(variance)) / bend
+    return float(score.sum()) / information, float(np.sqrt(variance)) / bend, len(sums)
 
 
 def _variance(scores: Float64[Array, "K"]) -> float:
@@ -161,7 +169,9 @@ def _baseline_s(trajectory: Trajectory) -> float:
     return max(_VELOCITY_OVER_S, float(np.median(np.diff(trajectory.t_s))))
 
 
-def _decide(offset_s: float, sigma_s: float, config: AlignmentConfig) -> ClockOffset:
+def _decide(
+    offset_s: float, sigma_s: float, stretches: int, config: AlignmentConfig
+) -> ClockOffset:
     """Apply an offset that can be told from 0; say how large one may be that is not applied.
 
     What is not applied stays a possible error, so the sigma that goes with it covers it. It never
@@ -178,7 +188,11 @@ def _decide(offset_s: float, sigma_s: float, config: AlignmentConfig) -> ClockOf
     if sigma_s >= prior:
         reason = "this drive cannot tell it (too straight and too steady)"
         return ClockOffset(0.0, prior, False, reason)
-    if abs(offset_s) > _STANDARD_ERRORS * sigma_s:
+    if stretches < 2:
+        reason = f"a drive of less than {config.error_correlation_s:g} s is too short to tell it"
+        return ClockOffset(0.0, prior, False, reason)
+    needed = np.interp(-1.0 / (stretches - 1), -1.0 / _DEGREES, _STANDARD_ERRORS)
+    if abs(offset_s) > needed * sigma_s:
         reason = f"{abs(offset_s) / max(sigma_s, 1e-9):.0f} standard errors from 0"
         return ClockOffset(offset_s, sigma_s, True, reason)
     return ClockOffset(offset_s, min(left_s, prior), False, "cannot be told from 0")
