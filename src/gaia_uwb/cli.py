@@ -1,4 +1,4 @@
-"""The command line: the only place that prints, asks and sets exit codes.
+"""The command line: reads arguments and sets exit codes; ``terminal.py`` has what people see.
 
 Exit codes: 0 done; 1 done, but a result is marked unreliable; 2 bad input or usage, with one line
 on stderr. Heavy modules are imported inside the commands, so that ``gaia --help`` is quick.
@@ -9,23 +9,19 @@ from __future__ import annotations
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+from gaia_uwb.terminal import plain, print_results, print_summary, progress_bar, track
 
-    from rich.progress import Progress
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
     from gaia_uwb.config import PipelineConfig
-    from gaia_uwb.metrics import Metric
-    from gaia_uwb.pipeline import Reconstruction
     from gaia_uwb.simulate.settings import PassConfig
 
 UNRELIABLE, BAD_INPUT, INTERRUPTED = 1, 2, 130
-
-_Item = TypeVar("_Item")
 
 app = typer.Typer(
     name="gaia",
@@ -118,14 +114,14 @@ def reconstruct(
     OutputFolder(out)
     scenes = load_scenes(source, data_dir=data_dir)
     reliable = True
-    with _progress() as progress:
+    with progress_bar() as progress:
         folders = _folders(out, [scene.name for scene in scenes])
         runs = list(zip(scenes, folders, strict=True))
-        for scene, folder in _track(progress, runs, "reconstruct"):
+        for scene, folder in track(progress, runs, "reconstruct"):
             result, metrics = reconstruct_and_score(scene, settings)
             paths = write_all(result, folder, metrics)
             reliable &= result.status is ReconstructionStatus.OK
-            _print_summary(progress, result, metrics, paths)
+            print_summary(progress, result, metrics, paths)
     if not reliable:
         raise typer.Exit(UNRELIABLE)
 
@@ -210,13 +206,13 @@ def evaluate(
     steps = _length(length)
     folder = OutputFolder(out)
     scenes = load_scenes(source, data_dir=data_dir)
-    with _progress() as progress:
+    with progress_bar() as progress:
         test = make_test(
-            scenes, steps, settings, each=lambda runs: iter(_track(progress, runs, "prepare"))
+            scenes, steps, settings, each=lambda runs: iter(track(progress, runs, "prepare"))
         )
         scores = [
             score_method(test, name, settings, true_nlos_labels=true_nlos_labels)
-            for name in _track(progress, names, "score")
+            for name in track(progress, names, "score")
         ]
     protocol = {
         "data": source,
@@ -230,7 +226,7 @@ def evaluate(
     folder.write_text("config.yaml", dump_config(settings))
     folder.write_text("episodes.csv", episodes_csv(scores, test))
     path = folder.write_text("results.json", json.dumps(results, indent=2, allow_nan=False) + "\n")
-    _print_results(results, path)
+    print_results(results, path)
 
 
 @reproduce_app.command("table5")
@@ -246,13 +242,13 @@ def reproduce_table5(
 
     folder = OutputFolder(out)
     scenes = load_scenes("outdoor-uwb", data_dir=data_dir)
-    with _progress() as progress:
+    with progress_bar() as progress:
         check = experiments.reproduce_table5(
             scenes,
             folder,
             version=_version(),
             seed=seed,
-            each=lambda choices: _track(progress, choices, "check"),
+            each=lambda choices: track(progress, choices, "check"),
         )
     typer.echo(experiments.table_text(check.rows))
     typer.echo(f"wrote {out / 'simulator-check.md'} and the files beside it")
@@ -283,7 +279,7 @@ def data_fetch(
     """Download a data set, file by file, each checked; call it again to go on."""
     from gaia_uwb.datasets.fetch import fetch
 
-    with _progress() as progress:
+    with progress_bar() as progress:
         task = progress.add_task(f"fetch {name}", total=None)
 
         def show(done: int, total: int) -> None:
@@ -300,7 +296,7 @@ def data_check(source: SourceArgument, data_dir: DataDirOption = None) -> None:
 
     reports = check_source(source, data_dir=data_dir)
     for report in reports:
-        typer.echo("\n".join(map(_plain, report.lines())))
+        typer.echo("\n".join(map(plain, report.lines())))
     if not all(report.readable for report in reports):
         raise typer.Exit(BAD_INPUT)
 
@@ -328,20 +324,15 @@ def main() -> None:
 
 
 def _stop(message: str, code: int = BAD_INPUT) -> NoReturn:
-    sys.stderr.write(f"gaia: {_plain(' '.join(message.split()))}\n")
+    sys.stderr.write(f"gaia: {plain(' '.join(message.split()))}\n")
     sys.exit(code)
-
-
-def _plain(text: str) -> str:
-    """Escape what would steer a terminal: ids and names in a log may hold anything."""
-    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
 
 
 def _folders(out: Path, names: Sequence[str]) -> list[Path]:
     """Return a folder for each scene's results, all different and inside ``out``."""
     if len(names) == 1:
         return [out]
-    safe = [_plain(name).replace("/", "-").replace("\n", " ").lstrip(".")[:100] for name in names]
+    safe = [plain(name).replace("/", "-").replace("\n", " ").lstrip(".")[:100] for name in names]
     if "" in safe or len(set(safe)) < len(safe):
         safe = [f"{k}-{name}" for k, name in enumerate(safe)]
     return [out / name for name in safe]
@@ -361,7 +352,7 @@ def _simulate_logs(
     from gaia_uwb.simulate import simulate as passes
 
     width = len(str(n - 1))
-    with _progress() as progress:
+    with progress_bar() as progress:
         task = progress.add_task("simulate", total=n)
         for k, scene in enumerate(passes(config, n, seed)):
             place = out if n == 1 else out / f"pass-{k:0{width}d}"
@@ -374,7 +365,7 @@ def _simulate_episodes(config: PassConfig, n: int, seed: int, out: Path, workers
     from gaia_uwb.datasets.episodes import write_episodes
     from gaia_uwb.simulate import simulate_episodes
 
-    with _progress() as progress:
+    with progress_bar() as progress:
         task = progress.add_task("simulate", total=n)
         for done in write_episodes(simulate_episodes(config, n, seed, workers=workers), out):
             progress.update(task, completed=done)
@@ -430,96 +421,3 @@ def _length(length: str) -> int | None:
     if not length.isdecimal() or int(length) < 1:
         raise ConfigError(f"--length: expected a number of steps or 'whole', got {length!r}")
     return int(length)
-
-
-def _progress() -> Progress:
-    """Return a progress bar on a terminal, nothing elsewhere: results follow as plain lines."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bar
-
-    console = Console(stderr=True)
-    return Bar(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
-
-
-def _track(progress: Progress, items: Sequence[_Item], what: str) -> Iterable[_Item]:
-    """Go through items; on a terminal with a bar, in a log with a line for every tenth of them."""
-    task = progress.add_task(what, total=len(items))
-    for k, item in enumerate(items):
-        yield item
-        progress.advance(task)
-        step = max(1, len(items) // 10)
-        if progress.disable and len(items) > 1 and ((k + 1) % step == 0 or k + 1 == len(items)):
-            sys.stderr.write(f"{what}: {k + 1} of {len(items)}\n")
-
-
-def _print_summary(
-    progress: Progress,
-    result: Reconstruction,
-    metrics: Mapping[str, Metric] | None,
-    paths: Sequence[Path],
-) -> None:
-    """Say what was found, how sure it is, and where the files are."""
-    import numpy as np
-
-    clock = result.episode.clock
-    lines = [f"{result.episode.name}: {result.status.value}"]
-    if clock is not None:
-        lines.append(
-            f"  clock offset {clock.applied_s:+.3f} s +- {clock.sigma_s:.3f} s ({clock.reason})"
-        )
-    for anchor in result.anchors:
-        east, north = anchor.position_m
-        worst = float(np.sqrt(np.linalg.eigvalsh(anchor.covariance_m2)[1]))
-        lines.append(
-            f"  anchor {anchor.anchor_id}: east {east:.2f} m, north {north:.2f} m, "
-            f"+- {worst:.2f} m, {anchor.status.value}, {anchor.n_ranges} ranges"
-        )
-    lines.append(f"  boundary: {result.boundary.status.value}, {result.boundary.area_m2:.2f} m^2")
-    if metrics is not None:
-        shown = ("anchor_mae", "polygon_iou", "polygon_hausdorff")
-        found = [
-            f"{n} {metrics[n].value:.3f} {metrics[n].unit}".rstrip() for n in shown if n in metrics
-        ]
-        lines.append(f"  against the survey: {', '.join(found)}")
-    lines += [f"  because {reason}" for reason in result.reasons]
-    lines += [f"  wrote {path}" for path in paths]
-    progress.console.file.flush()
-    typer.echo(_plain("\n".join(lines)))
-
-
-def _print_results(results: Mapping[str, Any], path: Path) -> None:
-    """Print the paper's six metrics, one line a method."""
-    names = (
-        "distance_mse_overall",
-        "anchor_mae",
-        "polygon_iou",
-        "polygon_hausdorff",
-        "wrong_side_share",
-        "ellipse_coverage_90_aligned",
-    )
-    protocol = results["protocol"]
-    typer.echo(
-        f"{protocol['data']}, length {protocol['length']}, solver {protocol['solver']}: "
-        f"{protocol['episodes']} episodes of {protocol['runs']} runs, "
-        f"{protocol['windows_without_ranges']} windows without ranges left out"
-    )
-    typer.echo("  ".join(["method".ljust(12), *(name.ljust(22)[:27] for name in names)]))
-    for row in results["rows"]:
-        cells = []
-        for name in names:
-            m = row["metrics"].get(name)
-            text = "-" if m is None else f"{m['value']:.4f}"
-            if m is not None and m["ci95"] is not None:
-                text += f" [{m['ci95'][0]:.3f}, {m['ci95'][1]:.3f}]"
-            cells.append(text.ljust(max(22, len(name))))
-        typer.echo("  ".join([row["method"].ljust(12), *cells]))
-    typer.echo(f"wrote {path}")
