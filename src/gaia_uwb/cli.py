@@ -303,8 +303,13 @@ def data_check(source: SourceArgument, data_dir: DataDirOption = None) -> None:
 
 def main() -> None:
     """Run the command line; the entry point of ``gaia``."""
+    import gc
+
     from gaia_uwb.errors import GaiaError
 
+    # Imports make hundreds of thousands of objects that stay; looking through them again and again
+    # for garbage takes a seventh of a short command's time.
+    gc.set_threshold(100_000)
     try:
         code = app(standalone_mode=False)
     except GaiaError as error:
