@@ -20,11 +20,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gaia_uwb.errors import ConfigError
 
 
-class _Settings(BaseModel):
+class Settings(BaseModel):
+    """Base of all settings: unknown keys, lossy types, NaN and infinity are errors; values stay."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
-class AlignmentConfig(_Settings):
+class AlignmentConfig(Settings):
     """How ranges and trajectory are brought onto one timeline (``alignment.py``)."""
 
     clock_offset: Literal["auto", "off"] = "auto"
@@ -46,7 +48,7 @@ class AlignmentConfig(_Settings):
     """How a range is carried from its own time to the timeline."""
 
 
-class CalibrationConfig(_Settings):
+class CalibrationConfig(Settings):
     """How the radios' range bias is estimated from a whole log (``calibration.py``)."""
 
     range_bias: Literal["auto", "off"] = "auto"
@@ -57,7 +59,7 @@ class CalibrationConfig(_Settings):
     """Growth of the bias with every factor of ten in range: prior standard deviation about 0."""
 
 
-class SolverConfig(_Settings):
+class SolverConfig(Settings):
     """How anchors are located from their ranges (``locate.py``)."""
 
     kind: Literal["robust", "wls"] = "robust"
@@ -76,7 +78,7 @@ class SolverConfig(_Settings):
     """An anchor whose standard deviation along the worst direction exceeds this is flagged."""
 
 
-class SidesConfig(_Settings):
+class SidesConfig(Settings):
     """How mirror sides are decided jointly over the anchors of a scene (``sides.py``)."""
 
     joint: bool = True
@@ -85,7 +87,7 @@ class SidesConfig(_Settings):
     """An anchor whose mirror image keeps more than this probability is called ambiguous."""
 
 
-class PipelineConfig(_Settings):
+class PipelineConfig(Settings):
     """Everything that a reconstruction depends on besides the log."""
 
     denoiser: str = "pose-kalman"

@@ -31,9 +31,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from gaia_uwb._typing import Array, Float64, Int64
+from gaia_uwb.config import Settings
 from gaia_uwb.datasets import _plausible
 from gaia_uwb.datasets._cells import Kind
 from gaia_uwb.datasets._places import Places, first_place, place_kinds, to_places
@@ -54,17 +55,13 @@ _TRUTH = {
 _MAX_SCENE_FILE_BYTES = 2**20
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-
-class _FrameContent(_Strict):
+class _FrameContent(Settings):
     lat_deg: float = Field(ge=-90, le=90)
     lon_deg: float = Field(ge=-180, le=180)
     alt_m: float = Field(default=0.0, ge=-1e5, le=1e5)
 
 
-class _SceneContent(_Strict):
+class _SceneContent(Settings):
     name: str | None = None
     frame: _FrameContent | None = None
     clock_offset_s: float | None = None

@@ -15,19 +15,17 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from gaia_uwb._typing import Array, Float64
+from gaia_uwb.config import Settings
 from gaia_uwb.episode import DenoisedRanges, Episode
 
 _CHUNK = 3 << 20  # readings laid side by side at a time
 _SCALE_TO_SIGMA = float(np.sqrt(2.0))  # of the Student-t errors with 4 dof that are calibrated
 
 
-class Options(BaseModel):
+class Options(Settings):
     """Base of every denoiser's options: strict, frozen, no unknown keys."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class Denoiser(ABC):

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from gaia_uwb.config import Settings
 
 _Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -20,11 +22,7 @@ ZoneKind = Literal[
 Choice = bool | int | float | str
 
 
-class _Settings(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-
-class RoadConfig(_Settings):
+class RoadConfig(Settings):
     """The road: two lanes of one direction."""
 
     closed_lane: Literal["right", "left"] = "right"
@@ -42,7 +40,7 @@ class RoadConfig(_Settings):
     inflection_m: float = Field(default=80.0, ge=-1000, le=1000)
 
 
-class ClosureConfig(_Settings):
+class ClosureConfig(Settings):
     """The work zone, and the cones with anchors on it."""
 
     kind: ZoneKind = "lane-closure"
@@ -75,7 +73,7 @@ class ClosureConfig(_Settings):
     """Height of a barrier along the work space, between traffic and cones; 0 is none."""
 
 
-class DriveConfig(_Settings):
+class DriveConfig(Settings):
     """How the vehicle drives past; it is at the middle of the zone halfway through."""
 
     duration_s: float = Field(default=60.0, ge=1, le=3600)
@@ -114,7 +112,7 @@ class DriveConfig(_Settings):
     """Mean duration of an outage; a log lacks its positions, an episode interpolates them."""
 
 
-class RangingConfig(_Settings):
+class RangingConfig(Settings):
     """How anchors are polled, and what goes wrong with their ranges.
 
     A reported range is the true slant range, plus its bias (of distance, drift and lost line of
@@ -209,7 +207,7 @@ class RangingConfig(_Settings):
         return 0.0 if self.los_s is None else self.nlos_s / (self.los_s + self.nlos_s)
 
 
-SECTIONS: dict[str, type[_Settings]] = {
+SECTIONS: dict[str, type[Settings]] = {
     "road": RoadConfig,
     "closure": ClosureConfig,
     "drive": DriveConfig,
@@ -218,7 +216,7 @@ SECTIONS: dict[str, type[_Settings]] = {
 """The sections of :class:`PassConfig`, by name."""
 
 
-class PassConfig(_Settings):
+class PassConfig(Settings):
     """One pass along one work zone: all that a simulated scene depends on besides its seed."""
 
     road: RoadConfig = RoadConfig()
