@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 from itertools import islice
+from multiprocessing import active_children
 
 import numpy as np
 import pytest
@@ -39,12 +40,27 @@ def test_an_episode_alone_is_that_of_the_batch(preset: str) -> None:
 
 
 def test_workers_change_nothing() -> None:
-    alone = list(simulate_episodes(PRESETS["stress"], 230, seed=1))
-    shared = list(simulate_episodes(PRESETS["stress"], 230, seed=1, workers=2))
-    assert len(shared) == 230
+    alone = list(simulate_episodes(PRESETS["stress"], 430, seed=1))
+    shared = list(simulate_episodes(PRESETS["stress"], 430, seed=1, workers=2))
+    assert len(shared) == 430
     for one, other in zip(alone, shared, strict=True):
         assert_same(one, other)
     assert_frozen(shared[-1])
+
+
+def test_workers_end_when_nobody_wants_more() -> None:
+    episodes = simulate_episodes(PRESETS["stress"], 10**9, seed=1, workers=2)
+    first = [next(episodes) for _ in range(3)]
+    assert len(active_children()) == 2
+    episodes.close()
+    assert not active_children()
+    for one, other in zip(first, simulate_episodes(PRESETS["stress"], 3, seed=1), strict=True):
+        assert_same(one, other)
+
+
+def test_no_episodes_are_none() -> None:
+    assert list(simulate_episodes(PRESETS["stress"], 0, seed=1)) == []
+    assert list(simulate_episodes(PRESETS["stress"], 0, seed=1, workers=2)) == []
 
 
 def assert_frozen(episode: Episode) -> None:

@@ -37,7 +37,8 @@ distances_m = st.floats(-500, 500)
 
 
 def placed(config: PassConfig, seed: int) -> tuple[Float64[Array, "N 2"], Float64[Array, "N"]]:
-    return place_anchors(config, plan_zone(config), np.random.default_rng(seed))
+    n = config.closure.n_anchors
+    return place_anchors(config, np.arange(n), np.random.default_rng(seed).standard_normal((n, 3)))
 
 
 @pytest.mark.parametrize(
@@ -109,7 +110,7 @@ def test_anchors_stand_on_the_declared_side_of_the_lane_that_is_driven(
     closure = EXACT.model_copy(update={"kind": kind, "both_sides": both_sides, "n_anchors": n})
     config = PassConfig(road=road, closure=closure, drive=DriveConfig(lane_change=lane_change))
     plan = plan_zone(config)
-    anchor_m, _ = place_anchors(config, plan, np.random.default_rng(0))
+    anchor_m, _ = placed(config, 0)
     open_m = anchor_m[:, 1] if closed_lane == "right" else -anchor_m[:, 1]
     beside_m = open_m - plan.lane_m(anchor_m[:, 0])
     across = both_sides & (np.arange(n) % 2 == 1)
@@ -128,7 +129,7 @@ def test_a_mirrored_road_mirrors_the_scene() -> None:
             }
         )
         config = PassConfig(road=road, closure=ClosureConfig(both_sides=True))
-        return place_anchors(config, plan_zone(config), np.random.default_rng(3))[0]
+        return placed(config, 3)[0]
 
     np.testing.assert_allclose(anchors("left", -1), anchors("right", 1) * [1, -1], atol=1e-9)
 

@@ -12,14 +12,16 @@ from pydantic import ValidationError
 from gaia_uwb.config import dump_config
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.simulate.presets import DEFAULT_PRESET, PRESETS, find_preset, load_preset
+from gaia_uwb.simulate.rows import PassRows
 from gaia_uwb.simulate.settings import (
+    SECTIONS,
     ClosureConfig,
     DriveConfig,
     PassConfig,
     RangingConfig,
     RoadConfig,
 )
-from gaia_uwb.simulate.variation import draw_config, layout_part
+from gaia_uwb.simulate.variation import draw_settings, layout_part
 
 
 def test_presets_are_what_their_names_say() -> None:
@@ -105,9 +107,9 @@ def test_an_unknown_preset_is_a_config_error(name: str) -> None:
         find_preset(name)
 
 
-def drawn(n: int = 300, **settings: Any) -> list[PassConfig]:
-    rng = np.random.default_rng(0)
-    return [draw_config(PassConfig(**settings), rng) for _ in range(n)]
+def drawn(n: int = 300, **settings: Any) -> list[PassRows]:
+    rng, config = np.random.default_rng(0), PassConfig(**settings)
+    return [PassRows.of(config, [draw_settings(config, rng)]) for _ in range(n)]
 
 
 def test_variation_draws_evenly_from_spans_and_choices() -> None:
@@ -127,8 +129,9 @@ def test_variation_draws_evenly_from_spans_and_choices() -> None:
     assert {config.closure.kind for config in passes} == set(vary["closure.kind"])
     assert np.mean([config.closure.both_sides for config in passes]) == pytest.approx(0.5, abs=0.1)
     for config in passes[:20]:  # what was drawn is as valid as what is written by hand
-        assert PassConfig.model_validate(config.model_dump()) == config
-        assert not config.vary
+        sections = {name: vars(getattr(config, name)) for name in SECTIONS}
+        again = PassConfig.model_validate(sections)
+        assert sections == {name: vars(getattr(again, name)) for name in SECTIONS}
 
 
 @pytest.mark.parametrize("name", ["stress", "wild"])

@@ -8,14 +8,14 @@ import pytest
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.simulate.layouts import plan_zone
 from gaia_uwb.simulate.settings import ClosureConfig, DriveConfig, PassConfig, RoadConfig
-from gaia_uwb.simulate.trajectories import Drive, plan_drive, record_positions
+from gaia_uwb.simulate.trajectories import PHASES, Drive, plan_drive, record_positions
 
 EAST = RoadConfig(direction_rad=0.0, curvature_per_m=0.0)  # along is east, open is north
 STEADY = DriveConfig(speed_variation=0.0, sway_m=0.0, position_sigma_m=0.0)
 
 
 def drive_of(config: PassConfig, seed: int = 0) -> Drive:
-    return plan_drive(config, plan_zone(config), np.random.default_rng(seed))
+    return plan_drive(config, plan_zone(config), np.random.default_rng(seed).random(PHASES))
 
 
 def lane_offset_m(config: PassConfig, along_m: Float64[Array, "K"]) -> Float64[Array, "K"]:
@@ -61,9 +61,9 @@ def test_sway_has_its_root_mean_square() -> None:
 
 
 def test_recording_has_its_noise() -> None:
-    true_m = np.zeros((5000, 2))
-    rng = np.random.default_rng(4)
-    position_m, known = record_positions(true_m, DriveConfig(position_sigma_m=0.05), rng)
+    true_m = np.zeros((1, 5000, 2))
+    settings, rng = DriveConfig(position_sigma_m=0.05), np.random.default_rng(4)
+    position_m, known = record_positions(true_m, settings, [lambda _: rng])
     assert position_m.std() == pytest.approx(0.05, rel=0.04)
     assert known.all()
 
@@ -73,10 +73,11 @@ def test_recorded_positions_are_off_by_a_constant_and_walk_away() -> None:
     biased = quiet.model_copy(update={"position_bias_m": 0.5})
     walking = quiet.model_copy(update={"position_walk_m": 0.2})
     rng = np.random.default_rng(5)
-    offsets = [record_positions(np.zeros((9, 2)), biased, rng)[0] for _ in range(1000)]
+    many = [lambda _: rng] * 1000
+    offsets, _ = record_positions(np.zeros((1000, 9, 2)), biased, many)
     assert np.ptp(offsets, axis=1).max() == 0
     assert np.std(offsets) == pytest.approx(0.5, rel=0.05)
-    ends = [record_positions(np.zeros((90, 2)), walking, rng)[0][-1] for _ in range(1000)]
+    ends = record_positions(np.zeros((1000, 90, 2)), walking, many)[0][:, -1]
     assert np.std(ends) == pytest.approx(0.2 * 3, rel=0.08)  # after 9 s
 
 
@@ -85,8 +86,8 @@ def test_positioning_fails_for_its_share_of_the_time() -> None:
         position_sigma_m=0.0, position_outage_per_s=0.1, position_outage_s=2.5, rate_hz=10.0
     )
     rng = np.random.default_rng(6)
-    known = record_positions(np.zeros((40_000, 2)), failing, rng)[1]
-    assert known[[0, -1]].all()
+    known = record_positions(np.zeros((1, 40_000, 2)), failing, [lambda _: rng])[1]
+    assert known[:, [0, -1]].all()
     assert known.mean() == pytest.approx(10 / 12.5, abs=0.03)
 
 

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     import polars as pl
 
 _EPISODES_IN_A_PART = 1000
+_COMPRESSION = 1  # of zstd's levels: half the time of the usual one for a tenth more space
 _COLUMNS = (
     "episode", "t_s", "east_m", "north_m", "up_m", "anchor_id",
     "range_m", "true_range_m", "nlos", "outlier", "true_bias_m",
@@ -82,7 +83,7 @@ def write_episodes(episodes: Iterable[Episode], folder: Path) -> Iterator[int]:
         path = folder / f"episodes-{part:06d}.parquet"
         partial = path.with_suffix(".partial")
         try:
-            table.write_parquet(partial)
+            table.write_parquet(partial, compression_level=_COMPRESSION)
             partial.rename(path)
         except OSError as error:
             partial.unlink(missing_ok=True)
@@ -125,48 +126,49 @@ def _table(batch: list[Episode]) -> dict[str, Array | pl.Series]:
     """Return the columns of some episodes' rows."""
     import polars as pl
 
-    numbers = [_columns(episode) for episode in batch]
-    table: dict[str, Array | pl.Series] = {
-        name: np.concatenate([one[name] for one in numbers]) for name in numbers[0]
-    }
+    truths, heights = zip(*map(_truth_and_heights, batch), strict=True)
+    steps, anchors = ([getattr(one, name) for one in batch] for name in ("n_steps", "n_anchors"))
+    # The row of an episode, step and anchor: which of all steps, and which of all anchors it has.
+    in_step = np.repeat(anchors, steps)
+    step = np.repeat(np.arange(len(in_step)), in_step)
+    before = np.repeat(np.cumsum(anchors) - anchors, steps) - (np.cumsum(in_step) - in_step)
+    anchor = np.arange(len(step)) + before[step]
+    place_m = np.concatenate([one.position_m for one in batch])[step]
+    anchor_m = np.concatenate([truth.anchor_m for truth in truths])[anchor]
     # Names go by number, for text by the million is slow.
-    rows = [episode.valid.size for episode in batch]
-    number: dict[str, int] = {}
-    for episode in batch:
-        for anchor_id in episode.anchor_ids:
-            number.setdefault(anchor_id, len(number))
-    anchors = np.concatenate([
-        np.tile([number[anchor_id] for anchor_id in episode.anchor_ids], episode.n_steps)
-        for episode in batch
-    ])  # fmt: skip
-    names = pl.Series([episode.name for episode in batch])
-    table["episode"] = names.gather(np.repeat(np.arange(len(batch)), rows))
-    table["anchor_id"] = pl.Series(list(number)).gather(anchors)
-    return {name: table[name] for name in _COLUMNS}
+    names = pl.Series([one.name for one in batch])
+    anchor_names = pl.Series([name for one in batch for name in one.anchor_ids])
+    return {
+        "episode": names.gather(np.repeat(np.arange(len(batch)), np.multiply(steps, anchors))),
+        "t_s": np.concatenate([one.t_s for one in batch])[step],
+        "east_m": place_m[:, 0],
+        "north_m": place_m[:, 1],
+        "up_m": np.concatenate([tag_up_m for tag_up_m, _ in heights])[step],
+        "anchor_id": anchor_names.gather(anchor),
+        "range_m": _end_to_end(one.range_m for one in batch),
+        "true_range_m": _end_to_end(truth.range_m for truth in truths),
+        "nlos": _end_to_end(truth.nlos for truth in truths),
+        "outlier": _end_to_end(truth.outlier for truth in truths),
+        "true_bias_m": _end_to_end(truth.bias_m for truth in truths),
+        "anchor_east_m": anchor_m[:, 0],
+        "anchor_north_m": anchor_m[:, 1],
+        "anchor_up_m": np.concatenate([anchor_up_m for _, anchor_up_m in heights])[anchor],
+    }
 
 
-def _columns(episode: Episode) -> dict[str, Array]:
-    """Return the numbers and flags of an episode's rows."""
+def _truth_and_heights(episode: Episode) -> tuple[EpisodeTruth, tuple[Array, Array]]:
+    """Return the truth of an episode, and the heights of its tag and anchors."""
     truth, tag_up_m, anchor_up_m = episode.truth, episode.tag_up_m, episode.anchor_up_m
     if tag_up_m is None or anchor_up_m is None:
         raise InputError("expected an episode with heights, got none", source=episode.name)
     if truth is None or truth.outlier is None or truth.bias_m is None:
         raise InputError("expected an episode with all of its truth", source=episode.name)
-    t, n = episode.n_steps, episode.n_anchors
-    return {
-        "t_s": np.repeat(episode.t_s, n),
-        "east_m": np.repeat(episode.position_m[:, 0], n),
-        "north_m": np.repeat(episode.position_m[:, 1], n),
-        "up_m": np.repeat(tag_up_m, n),
-        "range_m": episode.range_m.ravel(),
-        "true_range_m": truth.range_m.ravel(),
-        "nlos": truth.nlos.ravel(),
-        "outlier": truth.outlier.ravel(),
-        "true_bias_m": truth.bias_m.ravel(),
-        "anchor_east_m": np.tile(truth.anchor_m[:, 0], t),
-        "anchor_north_m": np.tile(truth.anchor_m[:, 1], t),
-        "anchor_up_m": np.tile(anchor_up_m, t),
-    }
+    return truth, (tag_up_m, anchor_up_m)
+
+
+def _end_to_end(grids: Iterable[Array]) -> Array:
+    """Return grids of steps and anchors as one column."""
+    return np.concatenate([grid.ravel() for grid in grids])
 
 
 def _read_part(path: Path) -> Iterator[Episode]:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator
-from dataclasses import fields
-from itertools import islice
-
-import numpy as np
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 
 from gaia_uwb.episode import Episode
+from gaia_uwb.errors import GaiaError
 from gaia_uwb.scene import Scene
-from gaia_uwb.simulate.passes import simulate_episode, simulate_pass
+from gaia_uwb.simulate.blocks import EpisodeBlock, simulate_blocks
+from gaia_uwb.simulate.passes import simulate_pass
 from gaia_uwb.simulate.settings import PassConfig
 
-_CHUNK = 100  # episodes that a process makes at once
-_AHEAD = 3  # chunks per process that may wait to be used: this bounds the memory
+_CHUNK = 100  # episodes that are computed at once: more do not fit into a processor's cache
 
 
 def simulate(config: PassConfig, n: int, seed: int) -> Iterator[Scene]:
@@ -76,37 +76,72 @@ def simulate_episodes(
     >>> [episode.n_anchors for episode in simulate_episodes(PRESETS["stress"], 3, seed=0)]
     [9, 11, 10]
     """
-    if workers == 1:
-        yield from (simulate_episode(config, seed, episode=k) for k in range(n))
-        return
-    from concurrent.futures import Future, ProcessPoolExecutor
-    from multiprocessing import get_context
+    starts = range(0, n, _CHUNK)
+    made = (simulate_blocks(config, seed, _chunk(start, n)) for start in starts)
+    for blocks in made if workers == 1 else _simulate_elsewhere(config, n, seed, workers):
+        yield from _in_order(blocks)
 
+
+def _chunk(start: int, n: int) -> range:
+    """Return the numbers of the episodes that are computed at once."""
+    return range(start, min(start + _CHUNK, n))
+
+
+def _in_order(blocks: list[EpisodeBlock]) -> Iterator[Episode]:
+    """Return the episodes of a chunk in the order of their numbers."""
+    if len(blocks) == 1:
+        return blocks[0].episodes()
+    episodes = {
+        number: episode
+        for block in blocks
+        for number, episode in zip(block.numbers, block.episodes(), strict=True)
+    }
+    return (episodes[number] for number in sorted(episodes))
+
+
+def _simulate_elsewhere(
+    config: PassConfig, n: int, seed: int, workers: int
+) -> Iterator[list[EpisodeBlock]]:
+    """Return the chunks of episodes, which several processes make in turn.
+
+    Each has a pipe of its own, which is read here and not in a thread beside: that would wait for
+    Python's lock after every 64 kB. A process that is two chunks ahead waits until it is read from,
+    which bounds the memory.
+    """
     # Processes are started afresh: a fork would copy other libraries' threads half-way.
-    starts = iter(range(0, n, _CHUNK))
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    context = get_context("spawn")
+    starts = range(0, n, _CHUNK)
+    with ExitStack() as stack:
+        pipes = []
+        for worker in range(workers):
+            here, there = context.Pipe(duplex=False)
+            process = context.Process(
+                target=_work, args=(there, config, n, seed, starts[worker::workers]), daemon=True
+            )
+            process.start()
+            there.close()  # it is the worker's now: without it, the pipe has ended
+            for clean_up in (process.join, process.terminate, here.close):
+                stack.callback(clean_up)  # called last first
+            pipes.append(here)
+        for k in range(len(starts)):
+            made = pipes[k % workers].recv()
+            if isinstance(made, GaiaError):
+                raise made
+            yield made
 
-        def submit(start: int) -> Future[list[Episode]]:
-            return pool.submit(_simulate_chunk, config, start, min(start + _CHUNK, n), seed)
 
-        waiting = deque(submit(start) for start in islice(starts, _AHEAD * workers))
-        while waiting:
-            episodes = waiting.popleft().result()
-            waiting.extend(submit(start) for start in islice(starts, 1))
-            for episode in episodes:
-                _protect(episode)
-                yield episode
-
-
-def _simulate_chunk(config: PassConfig, start: int, stop: int, seed: int) -> list[Episode]:
-    return [simulate_episode(config, seed, episode=k) for k in range(start, stop)]
-
-
-def _protect(part: object) -> None:
-    """Make arrays read-only again, which they are no longer after a journey between processes."""
-    for field in fields(part):  # type: ignore[arg-type]  # an episode or its truth
-        value = getattr(part, field.name)
-        if isinstance(value, np.ndarray):
-            value.flags.writeable = False
-        elif field.name == "truth" and value is not None:
-            _protect(value)
+def _work(pipe: Connection, config: PassConfig, n: int, seed: int, starts: range) -> None:
+    """Send the chunks that start with these episodes, or the error that stops them."""
+    with ThreadPoolExecutor(1) as sender:
+        sent: Future[None] | None = None
+        for start in starts:
+            try:
+                made: list[EpisodeBlock] | GaiaError
+                made = simulate_blocks(config, seed, _chunk(start, n))
+            except GaiaError as error:
+                made = error
+            if sent is not None:
+                sent.result()
+            sent = sender.submit(pipe.send, made)  # while the next chunk is made
+            if isinstance(made, GaiaError):
+                return

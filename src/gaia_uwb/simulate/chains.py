@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
 from gaia_uwb._typing import Array, Bool, Float64, Int64
 
-Stream = Callable[[str], np.random.Generator]
-"""Gives the source of randomness of a name: one source per kind of number."""
+Column: TypeAlias = "float | Float64[Array, 'N 1']"
+"""A number for all rows, or one for each."""
+
+_NOTHING = 1e-12  # a correlation this small counts as none
 
 
 def two_state(
-    draw: Float64[Array, "N P"], off_s: float, on_s: float, step_s: float
+    draw: Float64[Array, "N P"], off_s: Column, on_s: Column, step_s: Column
 ) -> Bool[Array, "N P"]:
     """Sample a two-state Markov process in continuous time at even steps, from its stationary law.
 
@@ -25,9 +27,10 @@ def two_state(
     draw : (N, P)
         Independent numbers, uniform between 0 and 1.
     off_s, on_s
-        Mean durations of the two states, in seconds.
+        Mean durations of the two states, in seconds, of all rows or of each (N, 1); a process
+        whose ``off_s`` is infinite is never on.
     step_s
-        Time between two steps, in seconds.
+        Time between two steps, in seconds, of all rows or of each (N, 1).
 
     Returns
     -------
@@ -58,11 +61,12 @@ def at_steps(value: Array, step: Int64[Array, "N P"]) -> Array:
     step : (N, P)
         Which step's value to take.
     """
-    taken: Array = value[np.arange(len(value))[:, None], step]  # much faster than take_along_axis
+    first = value.shape[1] * np.arange(len(value))[:, None]
+    taken: Array = value.ravel().take(step + first)  # much faster than take_along_axis
     return taken
 
 
-def correlated(white: Float64[Array, "N P"], correlation_s: float, step_s: float) -> Array:
+def correlated(white: Float64[Array, "N P"], correlation_s: Column, step_s: Column) -> Array:
     """Turn independent standard normal numbers into an Ornstein-Uhlenbeck process of variance 1.
 
     Parameters
@@ -70,21 +74,22 @@ def correlated(white: Float64[Array, "N P"], correlation_s: float, step_s: float
     white : (N, P)
         Independent standard normal numbers.
     correlation_s
-        Time in which the correlation falls to 1/e, in seconds.
+        Time in which the correlation falls to 1/e, in seconds, of all rows or of each (N, 1).
     step_s
-        Time between two steps, in seconds.
+        Time between two steps, in seconds, of all rows or of each (N, 1).
 
     Returns
     -------
     (N, P)
         Each row an autoregressive process that is stationary from its first step.
     """
-    keep = float(np.exp(-step_s / correlation_s))
-    value = white * np.sqrt(1 - keep**2)
+    keep = np.exp(-step_s / correlation_s)
+    value = white * np.sqrt(1 - keep * keep)
     value[:, 0] = white[:, 0]
     # x[t] = sum_j keep^j e[t - j]: sums over 1, 2, 4, 8 ... steps, until nothing is left to add.
     reach = 1
-    while reach < value.shape[1] and keep > 1e-12:
+    while reach < value.shape[1] and np.any(keep > _NOTHING):
+        keep = np.where(keep > _NOTHING, keep, 0.0)  # what a row adds does not depend on the others
         value[:, reach:] += keep * value[:, :-reach]
-        reach, keep = 2 * reach, keep**2
+        reach, keep = 2 * reach, keep * keep
     return np.asarray(value)

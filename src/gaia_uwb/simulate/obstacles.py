@@ -6,14 +6,15 @@ footprint, and is cut if it is lower there than the box is high.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64
-from gaia_uwb.simulate.chains import Stream
-from gaia_uwb.simulate.layouts import ZonePlan, road_to_local
-from gaia_uwb.simulate.settings import PassConfig
+from gaia_uwb._typing import Array, Bool, Float64, Int64
+from gaia_uwb.simulate.layouts import plan_zone, road_to_local
+from gaia_uwb.simulate.rows import PassRows, each
+from gaia_uwb.simulate.streams import Stream
 
 _TRUCK_M = (8.0, 2.5, 3.0)  # along the road, across it, up
 _PERSON_M = (0.5, 0.5, 1.8)
@@ -26,7 +27,7 @@ _OUTERMOST_M, _INNERMOST_M = 0.5, -2.0  # of an obstacle's flank from the line o
 
 @dataclass(frozen=True)
 class Obstacles:
-    """The diagonals of the obstacles' footprints in the local frame.
+    """The diagonals of the obstacles' footprints in the local frame, pass after pass.
 
     Parameters
     ----------
@@ -34,108 +35,148 @@ class Obstacles:
         Ends of the diagonals, east and north, in metres.
     up_m : (K,)
         Heights of the obstacles above the road, in metres.
+    counts
+        How many of the diagonals each pass has.
     """
 
     start_m: Float64[Array, "K 2"]
     end_m: Float64[Array, "K 2"]
     up_m: Float64[Array, "K"]
+    counts: tuple[int, ...]
 
     def cut(
         self,
-        tag_m: Float64[Array, "M P 2"],
-        tag_up_m: float,
+        tag_m: Float64[Array, "N P 2"],
+        tag_up_m: Float64[Array, "N 1"],
         anchor_m: Float64[Array, "N 2"],
         anchor_up_m: Float64[Array, "N"],
+        anchors: Sequence[int],
     ) -> Bool[Array, "N P"]:
         """Tell which lines of sight are cut.
 
         Parameters
         ----------
-        tag_m : (N, P, 2) or (1, P, 2)
-            Places of the tag's antenna for each anchor, or for all.
-        tag_up_m
+        tag_m : (N, P, 2)
+            Places of the tag's antenna for each anchor: east and north, in metres.
+        tag_up_m : (N, 1)
             Its height, in metres.
         anchor_m : (N, 2)
-            East and north of the anchors, in metres.
+            East and north of the anchors, pass after pass, in metres.
         anchor_up_m : (N,)
             Their heights, in metres.
+        anchors
+            How many anchors each pass has.
         """
-        n, p, k = len(anchor_m), tag_m.shape[1], len(self.up_m)
-        if not k:
-            return np.zeros((n, p), dtype=np.bool_)
-        block = max(1, _MOST_AT_ONCE // (n * k))
-        return np.concatenate(
-            [
-                self._cut(tag_m[:, start : start + block], tag_up_m, anchor_m, anchor_up_m)
-                for start in range(0, p, block)
-            ],
-            axis=1,
-        )
+        cut = np.zeros(tag_m.shape[:2], dtype=np.bool_)
+        stop, last = 0, 0
+        for n, k in zip(anchors, self.counts, strict=True):
+            start, stop, first, last = stop, stop + n, last, last + k
+            block = max(1, _MOST_AT_ONCE // max(1, n * k))
+            for p in range(0, tag_m.shape[1] if k else 0, block):
+                rows, steps = slice(start, stop), slice(p, p + block)
+                rise_m = (anchor_up_m[rows, None] - tag_up_m[rows], tag_up_m[rows])
+                cut[rows, steps] = self._cut(
+                    slice(first, last), tag_m[rows, steps], anchor_m[rows], rise_m
+                )
+        return cut
 
     def _cut(
         self,
-        tag_m: Float64[Array, "M P 2"],
-        tag_up_m: float,
-        anchor_m: Float64[Array, "N 2"],
-        anchor_up_m: Float64[Array, "N"],
-    ) -> Bool[Array, "N P"]:
-        side, gap = self.end_m - self.start_m, self.start_m - tag_m[:, :, None]
-        ray = (anchor_m[:, None] - tag_m)[:, :, None]  # (N, P, 1, 2)
-        cross = ray[..., 0] * side[:, 1] - ray[..., 1] * side[:, 0]  # (N, P, K)
+        own: slice,
+        tag_m: Float64[Array, "n p 2"],
+        anchor_m: Float64[Array, "n 2"],
+        rise_m: tuple[Float64[Array, "n 1"], Float64[Array, "n 1"]],
+    ) -> Bool[Array, "n p"]:
+        """Tell which lines of sight of one pass its own diagonals cut.
+
+        The lines rise by the first part of ``rise_m`` and start at the second. The arrays' axes are
+        diagonal, anchor and place.
+        """
+        tag_m = np.ascontiguousarray(np.moveaxis(tag_m, -1, 0))  # east, north
+        start_m = self.start_m[own].T[:, :, None, None]
+        side_m = self.end_m[own].T[:, :, None, None] - start_m
+        gap_m = start_m - tag_m[:, None]  # (2, k, n, p)
+        ray_m = anchor_m.T[:, :, None] - tag_m  # (2, n, p)
+        cross = ray_m[0] * side_m[1] - ray_m[1] * side_m[0]
         # How far along the ray, and along the diagonal, the two lines meet; both times cross.
-        on_ray = gap[..., 0] * side[:, 1] - gap[..., 1] * side[:, 0]
-        on_side = gap[..., 0] * ray[..., 1] - gap[..., 1] * ray[..., 0]
+        on_ray = gap_m[0] * side_m[1] - gap_m[1] * side_m[0]
+        on_side = gap_m[0] * ray_m[1] - gap_m[1] * ray_m[0]
         sign = np.sign(cross)
         size = cross * sign
         on_ray, on_side = on_ray * sign, on_side * sign
         crosses = (on_ray > 0) & (on_ray < size) & (on_side > 0) & (on_side < size)
-        rise_m = (anchor_up_m - tag_up_m)[:, None, None]
-        below = on_ray * rise_m < (self.up_m - tag_up_m) * size
-        return np.asarray((crosses & below).any(axis=-1))
+        below = on_ray * rise_m[0] < (self.up_m[own, None, None] - rise_m[1]) * size
+        return np.asarray((crosses & below).any(axis=0))
 
 
-_NOTHING = Obstacles(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
-
-
-def place_obstacles(config: PassConfig, plan: ZonePlan, stream: Stream) -> Obstacles:
+def place_obstacles(config: PassRows, streams: Sequence[Stream]) -> Obstacles:
     """Put trucks and people somewhere in the work space, and the barrier before it.
 
     Parameters
     ----------
     config
-        Settings of the pass.
-    plan
-        The work zone.
-    stream
-        Source of randomness.
+        Settings of the passes.
+    streams
+        Their sources of randomness.
     """
-    closure = config.closure
-    if not (closure.n_trucks or closure.n_crew or closure.barrier_up_m):
-        return _NOTHING
-    rng = stream("obstacles")
-    boxes = [(*_TRUCK_M, *rng.random(2)) for _ in range(closure.n_trucks)]
-    boxes += [(*_PERSON_M, *rng.random(2)) for _ in range(closure.n_crew)]
-    size_m = np.array(boxes).reshape(-1, 5)
-    along_m = plan.work_along_m[0] + closure.work_m * size_m[:, 3]
-    flank_m = _INNERMOST_M + (_OUTERMOST_M - _INNERMOST_M) * size_m[:, 4]
-    open_m = plan.edge_m(along_m) + flank_m - size_m[:, 1] / 2
-    length_m, width_m, up_m = size_m[:, 0], size_m[:, 1], size_m[:, 2]
-    if closure.barrier_up_m:
-        n = max(1, round(closure.work_m / _BARRIER_PIECE_M))
-        piece_m = closure.work_m / n
-        middle_m = plan.work_along_m[0] + piece_m * (np.arange(n) + 0.5)
-        along_m = np.append(along_m, middle_m)
-        open_m = np.append(open_m, plan.edge_m(middle_m) + _BARRIER_GAP_M)
-        length_m = np.append(length_m, np.full(n, piece_m))
-        width_m = np.append(width_m, np.full(n, _BARRIER_WIDTH_M))
-        up_m = np.append(up_m, np.full(n, closure.barrier_up_m))
+    closure, passes = config.closure, len(streams)
+    trucks, crew = each(closure.n_trucks, passes), each(closure.n_crew, passes)
+    pieces = np.rint(each(closure.work_m, passes) / _BARRIER_PIECE_M).astype(np.int64)
+    pieces = np.where(each(closure.barrier_up_m, passes) > 0, np.maximum(pieces, 1), 0)
+    counts = trucks + crew + pieces
+    if not counts.any():
+        return Obstacles(np.empty((0, 2)), np.empty((0, 2)), np.empty(0), (0,) * passes)
+    # One row for each box: first the trucks of a pass, then its people, then the barrier's pieces.
+    owner = np.repeat(np.arange(passes), counts)
+    number = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    draw = np.zeros((len(owner), 2))
+    for k in np.flatnonzero(trucks + crew).tolist():
+        rng = streams[k]("obstacles")
+        mobile = np.flatnonzero(owner == k)[: trucks[k] + crew[k]]
+        draw[mobile] = rng.random((len(mobile), 2))
+    rows = config.at(owner)
+    along_m, open_m, size_m = _boxes(rows, number, trucks[owner], (trucks + crew)[owner], draw)
     corner_m = {
-        (a, b): road_to_local(config.road, along_m + a * length_m / 2, open_m + b * width_m / 2)
+        (a, b): road_to_local(
+            rows.road, along_m + a * size_m[:, :1] / 2, open_m + b * size_m[:, 1:2] / 2
+        )[:, 0]
         for a in (-1, 1)
         for b in (-1, 1)
     }
+    order = np.argsort(np.tile(owner, 2), kind="stable")
     return Obstacles(
-        start_m=np.concatenate([corner_m[-1, -1], corner_m[-1, 1]]),
-        end_m=np.concatenate([corner_m[1, 1], corner_m[1, -1]]),
-        up_m=np.concatenate([up_m, up_m]),
+        start_m=np.concatenate([corner_m[-1, -1], corner_m[-1, 1]])[order],
+        end_m=np.concatenate([corner_m[1, 1], corner_m[1, -1]])[order],
+        up_m=np.tile(size_m[:, 2], 2)[order],
+        counts=tuple((2 * counts).tolist()),
     )
+
+
+def _boxes(
+    config: PassRows,
+    number: Int64[Array, "K"],
+    trucks: Int64[Array, "K"],
+    mobile: Int64[Array, "K"],
+    draw: Float64[Array, "K 2"],
+) -> tuple[Float64[Array, "K 1"], Float64[Array, "K 1"], Float64[Array, "K 3"]]:
+    """Return the boxes' middles in road coordinates, and their sizes along, across and up.
+
+    A box is a truck if its number in its pass is below ``trucks``, a person if it is below
+    ``mobile``, else a piece of the barrier.
+    """
+    closure, plan = config.closure, plan_zone(config)
+    work_from_m, work_m = plan.work_along_m[..., 0], closure.work_m
+    is_piece = (number >= mobile)[:, None]
+    size_m = np.where((number < trucks)[:, None], _TRUCK_M, _PERSON_M)
+    pieces = np.maximum(np.rint(work_m / _BARRIER_PIECE_M), 1)
+    piece_m = work_m / pieces
+    barrier_m = np.broadcast_arrays(
+        piece_m, _BARRIER_WIDTH_M, closure.barrier_up_m, number[:, None]
+    )
+    size_m = np.where(is_piece, np.concatenate(barrier_m[:3], axis=1), size_m)
+    piece = (number - mobile)[:, None] + 0.5
+    along_m = work_from_m + np.where(is_piece, piece_m * piece, work_m * draw[:, :1])
+    flank_m = _INNERMOST_M + (_OUTERMOST_M - _INNERMOST_M) * draw[:, 1:]
+    flank_m = np.where(is_piece, _BARRIER_GAP_M, flank_m)
+    half_m = np.where(is_piece, 0.0, size_m[:, 1:2] / 2)
+    return along_m, plan.edge_m(along_m) + flank_m - half_m, size_m

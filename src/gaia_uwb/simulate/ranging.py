@@ -11,13 +11,19 @@ anchor leaves the others' readings as they are.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from gaia_uwb._typing import Array, Bool, Float64, Int64
 from gaia_uwb.episode import bias_basis
-from gaia_uwb.simulate.chains import Stream, at_steps, correlated, two_state
+from gaia_uwb.simulate.chains import Column, at_steps, correlated, two_state
+from gaia_uwb.simulate.rows import SectionRows, at
 from gaia_uwb.simulate.settings import RangingConfig
+from gaia_uwb.simulate.streams import RowStreams, Stream
+
+RangingSettings: TypeAlias = RangingConfig | SectionRows
+"""Settings of the ranging: of all rows, or of each."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,7 @@ def simulate_reports(
     settings: RangingConfig,
     stream: Stream,
 ) -> Reports:
-    """Simulate what the radio reports of polls at (about) even times.
+    """Simulate what the radio reports of one pass's polls at (about) even times.
 
     Parameters
     ----------
@@ -67,20 +73,42 @@ def simulate_reports(
     stream
         Source of randomness.
     """
-    n, p = true_range_m.shape
+    streams = RowStreams([stream], [len(true_range_m)])
+    return simulate_rows(true_range_m, cut, step_s, settings, streams)
+
+
+def simulate_rows(
+    true_range_m: Float64[Array, "N P"],
+    cut: Bool[Array, "N P"],
+    step_s: Column,
+    settings: RangingSettings,
+    streams: RowStreams,
+) -> Reports:
+    """Simulate what the radio reports of the anchors of several passes.
+
+    Parameters
+    ----------
+    true_range_m, cut, step_s
+        Like :func:`simulate_reports`.
+    settings
+        Settings of the ranging, of all rows or of each; ``averaged`` is the same for all.
+    streams
+        Sources of randomness of the rows.
+    """
+    p = true_range_m.shape[1]
     spread = settings.averaged - 1  # raw ranges before the first report that count in it
-    draw = stream("ranging-uniform").random((n, 5, p))
-    normal = stream("ranging-normal").standard_normal((n, 5, p + spread))
+    draw = streams.uniform("ranging-uniform", 5, p)
+    normal = streams.normal("ranging-normal", 5, p + spread)
     nlos = cut if settings.los_s is None else cut | two_state(
         draw[:, 0], settings.los_s, settings.nlos_s, step_s
     )  # fmt: skip
     bias_m = _bias_m(true_range_m, nlos, normal[:, 1:3, spread:], step_s, settings)
-    if settings.drift_sigma_m:
-        common = stream("drift").standard_normal((1, p))
+    if np.any(settings.drift_sigma_m):
+        common = streams.common_normal("drift", p)
         bias_m += settings.drift_sigma_m * correlated(common, settings.drift_correlation_s, step_s)
-    noise = _noise(normal[:, 0], settings, stream)
+    noise = _noise(normal[:, 0], settings, streams)
     error_m = bias_m + (settings.sigma_m + settings.sigma_per_m * true_range_m) * noise
-    if settings.nlos_sigma_m:
+    if np.any(settings.nlos_sigma_m):
         error_m += nlos * (settings.nlos_sigma_m * normal[:, 3, spread:])
     offset_m = _burst_m(draw[:, 4], normal[:, 4, spread:], step_s, settings)
     answered = _answered(true_range_m, draw[:, 1:3], step_s, settings)
@@ -97,7 +125,7 @@ def simulate_reports(
 def received_power(
     true_range_m: Float64[Array, "N P"],
     nlos: Bool[Array, "N P"],
-    settings: RangingConfig,
+    settings: RangingSettings,
     rng: np.random.Generator,
 ) -> tuple[Float64[Array, "N P"], Float64[Array, "N P"]]:
     """Draw the received power and that of the first path, which is never stronger, in dBm.
@@ -125,35 +153,37 @@ def _bias_m(
     true_range_m: Float64[Array, "N P"],
     nlos: Bool[Array, "N P"],
     normal: Float64[Array, "N 2 P"],
-    step_s: float,
-    settings: RangingConfig,
+    step_s: Column,
+    settings: RangingSettings,
 ) -> Float64[Array, "N P"]:
     """Return the bias of distance, the anchors' own drift and the excess of lost line of sight."""
-    if settings.bias_m or settings.bias_per_decade_m:
+    if np.any(settings.bias_m) or np.any(settings.bias_per_decade_m):
         basis = bias_basis(true_range_m)
         bias_m = settings.bias_m + settings.bias_per_decade_m * basis[..., 1]
     else:
         bias_m = np.zeros(true_range_m.shape)
-    if settings.own_drift_sigma_m:
+    if np.any(settings.own_drift_sigma_m):
         bias_m += settings.own_drift_sigma_m * correlated(
             normal[:, 0], settings.own_drift_correlation_s, step_s
         )
-    if settings.nlos_bias_m:
+    if np.any(settings.nlos_bias_m):
         mean_m, correlation_s = settings.nlos_bias_m, settings.nlos_bias_correlation_s
-        variance = np.log1p((settings.nlos_bias_sigma_m / mean_m) ** 2)  # of the logarithm
+        spread = settings.nlos_bias_sigma_m / np.where(np.greater(mean_m, 0), mean_m, 1.0)
+        variance = np.log1p(spread**2)  # of the logarithm
         log = np.sqrt(variance) * correlated(normal[:, 1], correlation_s, step_s) - variance / 2
         bias_m += nlos * (mean_m * np.exp(log))
     return bias_m
 
 
 def _noise(
-    normal: Float64[Array, "N Q"], settings: RangingConfig, stream: Stream
+    normal: Float64[Array, "N Q"], settings: RangingSettings, streams: RowStreams
 ) -> Float64[Array, "N P"]:
     """Return noise of variance 1 with the declared tails, averaged like the radio averages."""
     noise = normal
     dof = settings.tail_dof
     if dof is not None:
-        chi2 = 2 * stream("tails").standard_gamma(dof / 2, normal.shape)
+        order = np.broadcast_to(dof / 2, (len(normal), 1))
+        chi2 = 2 * streams.gamma("tails", order, normal.shape[1])
         noise = normal * np.sqrt((dof - 2) / chi2)
     count = settings.averaged
     if count == 1:
@@ -168,21 +198,23 @@ def _noise(
 def _burst_m(
     draw: Float64[Array, "N P"],
     normal: Float64[Array, "N P"],
-    step_s: float,
-    settings: RangingConfig,
+    step_s: Column,
+    settings: RangingSettings,
 ) -> Float64[Array, "N P"]:
     """Return the offsets of bursts, 0 outside them; where two overlap, the later one counts."""
-    starts = min(1.0, settings.burst_per_s * step_s)
+    starts = np.minimum(1.0, settings.burst_per_s * step_s)
     anchor, start = np.nonzero(draw < starts)
     # A number drawn below a limit is, divided by the limit, a new number between 0 and 1.
-    share = draw[anchor, start] / starts if starts else draw[anchor, start]
-    negative = share < settings.burst_negative_share
-    part = np.where(negative, settings.burst_negative_share, 1 - settings.burst_negative_share)
-    share = np.where(negative, share, share - settings.burst_negative_share) / part
+    share = draw[anchor, start] / at(starts, anchor)
+    negative_share = at(settings.burst_negative_share, anchor)
+    negative = share < negative_share
+    part = np.where(negative, negative_share, 1 - negative_share)
+    share = np.where(negative, share, share - negative_share) / part
     longest = np.cumsum(settings.burst_lengths)[:-1]
     length = 1 + np.searchsorted(longest, share, side="right")
-    size_m = settings.burst_median_m * np.exp(settings.burst_log_sigma * normal[anchor, start])
-    size_m = np.minimum(size_m, settings.burst_max_m)
+    log = at(settings.burst_log_sigma, anchor) * normal[anchor, start]
+    size_m = at(settings.burst_median_m, anchor) * np.exp(log)
+    size_m = np.minimum(size_m, at(settings.burst_max_m, anchor))
     burst_m = np.where(negative, -size_m, size_m)
     offset_m = np.zeros(normal.shape)
     for later in range(len(settings.burst_lengths) - 1, -1, -1):
@@ -194,17 +226,21 @@ def _burst_m(
 def _answered(
     true_range_m: Float64[Array, "N P"],
     draw: Float64[Array, "N 2 P"],
-    step_s: float,
-    settings: RangingConfig,
+    step_s: Column,
+    settings: RangingSettings,
 ) -> Bool[Array, "N P"]:
     """Return which polls are answered: within range, not lost, and not in an outage."""
     share = 1 - settings.dropout_share
     limit_m, soft_m = settings.max_range_m, settings.soft_range_m
     answered = (draw[:, 0] < share) & (true_range_m <= limit_m)
-    if soft_m:
-        answered &= draw[:, 0] < share * (limit_m - true_range_m) / soft_m
-    if settings.outage_per_s:
-        answered &= ~two_state(draw[:, 1], 1 / settings.outage_per_s, settings.outage_s, step_s)
+    if np.any(soft_m):
+        length_m = np.where(np.greater(soft_m, 0), soft_m, 1.0)
+        near = np.equal(soft_m, 0) | (draw[:, 0] < share * (limit_m - true_range_m) / length_m)
+        answered &= near
+    if np.any(settings.outage_per_s):
+        with np.errstate(divide="ignore"):
+            service_s = np.divide(1, settings.outage_per_s)  # infinite without outages
+        answered &= ~two_state(draw[:, 1], service_s, settings.outage_s, step_s)
     return answered
 
 

@@ -248,4 +248,4 @@ class PassConfig(Settings):
 
 def is_span(values: list[Choice]) -> bool:
     """Tell whether varied values are the two ends of a span, not a list to choose from."""
-    return len(values) == 2 and all(type(value) in (int, float) for value in values)
+    return len(values) == 2 and {type(values[0]), type(values[1])} <= {int, float}

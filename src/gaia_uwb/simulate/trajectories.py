@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gaia_uwb._typing import Array, Bool, Float64
-from gaia_uwb.simulate.chains import two_state
+from gaia_uwb.simulate.chains import Column, two_state
 from gaia_uwb.simulate.layouts import ZonePlan, road_to_local
-from gaia_uwb.simulate.settings import DriveConfig, PassConfig
+from gaia_uwb.simulate.rows import PassSettings, SectionRows, each
+from gaia_uwb.simulate.settings import DriveConfig
+from gaia_uwb.simulate.streams import Stream
 
 _SPEED_PERIOD_S = 17.0  # of traffic slowing down and picking up again
 _BRAKING_S = 3.0  # to a stop, and back to speed
 # Wavelengths of the wander in the lane: incommensurable, so that it does not repeat.
 _SWAY_WAVELENGTH_M = np.array([47.0, 71.0, 113.0, 179.0])
+
+PHASES = 1 + len(_SWAY_WAVELENGTH_M)  # random numbers that a drive takes
 
 
 @dataclass(frozen=True)
@@ -24,19 +29,19 @@ class Drive:
     Parameters
     ----------
     config
-        Settings of the pass.
+        Settings of the pass, or of E passes.
     plan
         The work zone.
-    speed_phase_rad
-        Phase of the swing in speed.
-    sway_phase_rad : (4,)
+    speed_phase_rad : () or (E, 1)
+        Phase of the swing in speed; with settings of several passes, of each.
+    sway_phase_rad : (4,) or (E, 1, 4)
         Phases of the wander in the lane.
     """
 
-    config: PassConfig
+    config: PassSettings
     plan: ZonePlan
-    speed_phase_rad: float
-    sway_phase_rad: Float64[Array, "4"]
+    speed_phase_rad: Float64[Array, "*rows"]
+    sway_phase_rad: Float64[Array, "*rows 4"]
 
     def position_m(self, t_s: Float64[Array, "*shape"]) -> Float64[Array, "*shape 2"]:
         """Return the true east and north of the tag's antenna, in metres.
@@ -44,7 +49,8 @@ class Drive:
         Parameters
         ----------
         t_s
-            Time of the trajectory's clock, in seconds; the drive starts at 0.
+            Time of the trajectory's clock, in seconds; the drive starts at 0. With settings of E
+            passes: (E, T).
         """
         drive = self.config.drive
         driven_m = self.plan.end_m / 2 + drive.ahead_m + self._driven_m(t_s)
@@ -69,9 +75,10 @@ class Drive:
         """Return how far the vehicle has driven since the middle of the drive."""
         drive, swing_rad_s = self.config.drive, 2 * np.pi / _SPEED_PERIOD_S
         since_s = t_s - drive.duration_s / 2
-        if drive.stop_s:
+        if np.any(drive.stop_s):
             begin_s, lost_s = drive.duration_s / 4, drive.stop_s + _BRAKING_S
-            since_s = since_s + lost_s - _lost_s(t_s - begin_s) + _lost_s(t_s - begin_s - lost_s)
+            stopping_s = since_s + lost_s - _lost_s(t_s - begin_s) + _lost_s(t_s - begin_s - lost_s)
+            since_s = np.where(np.greater(drive.stop_s, 0), stopping_s, since_s)
         phase_rad = self.speed_phase_rad
         gained_s = (np.sin(swing_rad_s * since_s + phase_rad) - np.sin(phase_rad)) / swing_rad_s
         driven_m: Array = drive.speed_mps * (since_s + drive.speed_variation * gained_s)
@@ -85,53 +92,72 @@ def _lost_s(since_s: Float64[Array, "*shape"]) -> Float64[Array, "*shape"]:
     return lost_s
 
 
-def plan_drive(config: PassConfig, plan: ZonePlan, rng: np.random.Generator) -> Drive:
-    """Draw the swing in speed and the wander in the lane.
+def plan_drive(config: PassSettings, plan: ZonePlan, draw: Float64[Array, "*rows 5"]) -> Drive:
+    """Start a drive somewhere in its swing in speed and its wander in the lane.
 
     Parameters
     ----------
     config
-        Settings of the pass.
+        Settings of the pass, or of E passes.
     plan
         The work zone.
-    rng
-        Source of the phases.
+    draw : (5,) or (E, 1, 5)
+        Independent numbers, uniform between 0 and 1.
     """
-    phase_rad = 2 * np.pi * rng.random(1 + len(_SWAY_WAVELENGTH_M))
-    return Drive(config, plan, float(phase_rad[0]), phase_rad[1:])
+    phase_rad = 2 * np.pi * draw
+    return Drive(config, plan, phase_rad[..., 0], phase_rad[..., 1:])
 
 
 def record_positions(
-    tag_m: Float64[Array, "T 2"], settings: DriveConfig, rng: np.random.Generator
-) -> tuple[Float64[Array, "T 2"], Bool[Array, "T"]]:
+    tag_m: Float64[Array, "E T 2"], settings: DriveConfig | SectionRows, streams: Sequence[Stream]
+) -> tuple[Float64[Array, "E T 2"], Bool[Array, "E T"]]:
     """Return the recorded positions and whether the positioning worked, at evenly spaced times.
 
     Parameters
     ----------
-    tag_m : (T, 2)
-        True east and north of the tag's antenna ``settings.rate_hz`` times a second, in metres.
+    tag_m : (E, T, 2)
+        True east and north of each pass's antenna ``settings.rate_hz`` times a second, in metres.
     settings
-        Settings of the drive.
-    rng
-        Source of the errors.
+        Settings of the drives.
+    streams
+        The passes' sources of randomness.
 
     Returns
     -------
-    position_m : (T, 2)
+    position_m : (E, T, 2)
         East and north with their errors, in metres.
-    known : (T,)
+    known : (E, T)
         False during an outage; the first and the last sample are always there.
     """
-    position_m = tag_m + settings.position_sigma_m * rng.standard_normal(tag_m.shape)
-    if settings.position_bias_m:
-        position_m += settings.position_bias_m * rng.standard_normal(2)
-    if settings.position_walk_m:
+    passes, steps, _ = tag_m.shape
+    noise, walk = np.zeros((2, *tag_m.shape))
+    bias, draw = np.zeros((passes, 1, 2)), np.ones((passes, steps))
+    varied = settings.position_bias_m, settings.position_walk_m, settings.position_outage_per_s
+    biased, walking, failing = (each(value, passes) for value in varied)
+    for k, stream in enumerate(streams):
+        rng = stream("positions")
+        rng.standard_normal(out=noise[k])
+        if biased[k]:
+            rng.standard_normal(out=bias[k])
+        if walking[k]:
+            rng.standard_normal(out=walk[k])
+        if failing[k]:
+            rng.random(out=draw[k])
+    position_m = tag_m + _per_axis(settings.position_sigma_m) * noise
+    if biased.any():
+        position_m += _per_axis(settings.position_bias_m) * bias
+    if walking.any():
         step_m = settings.position_walk_m / np.sqrt(settings.rate_hz)
-        position_m += step_m * np.cumsum(rng.standard_normal(position_m.shape), axis=0)
-    known = np.ones(len(tag_m), dtype=np.bool_)
-    if settings.position_outage_per_s:
-        per_s, outage_s = settings.position_outage_per_s, settings.position_outage_s
-        draw = rng.random((1, len(tag_m)))
-        known = ~two_state(draw, 1 / per_s, outage_s, 1 / settings.rate_hz)[0]
-        known[[0, -1]] = True
+        position_m += _per_axis(step_m) * np.cumsum(walk, axis=1)
+    known = np.ones((passes, steps), dtype=np.bool_)
+    if failing.any():
+        with np.errstate(divide="ignore"):
+            good_s = np.divide(1, settings.position_outage_per_s)  # infinite without outages
+        known = ~two_state(draw, good_s, settings.position_outage_s, 1 / settings.rate_hz)
+        known[:, [0, -1]] = True
     return position_m, known
+
+
+def _per_axis(value: Column) -> float | Float64[Array, "E 1 1"]:
+    """Return a number as it is, and a column so that it goes with places (E, T, 2)."""
+    return value[:, :, None] if isinstance(value, np.ndarray) else value

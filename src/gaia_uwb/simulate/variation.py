@@ -7,26 +7,26 @@ belongs to the test; so a network that is tested there has never seen such a lay
 
 from __future__ import annotations
 
-from typing import Any
 from zlib import crc32
 
 import numpy as np
 
 from gaia_uwb.errors import ConfigError
+from gaia_uwb.simulate.rows import PassRows, PassSettings
 from gaia_uwb.simulate.settings import SECTIONS, Choice, PassConfig, is_span
 
 _CELL_M = 10.0
 _TEST_PART = 5  # one cell in five is the test's
 _TRIES = 1000
 _WHOLE_NUMBERS = {
-    (section, setting)
+    f"{section}.{setting}"
     for section, model in SECTIONS.items()
     for setting, field in model.model_fields.items()
     if field.annotation is int
 }
 
 
-def draw_config(config: PassConfig, rng: np.random.Generator) -> PassConfig:
+def draw_settings(config: PassConfig, rng: np.random.Generator) -> dict[str, Choice]:
     """Draw what a batch varies, for one pass.
 
     Parameters
@@ -38,8 +38,8 @@ def draw_config(config: PassConfig, rng: np.random.Generator) -> PassConfig:
 
     Returns
     -------
-    PassConfig
-        Settings of the pass, in which nothing varies.
+    dict
+        For each ``section.setting`` that varies its value in this pass.
 
     Raises
     ------
@@ -49,23 +49,27 @@ def draw_config(config: PassConfig, rng: np.random.Generator) -> PassConfig:
     Examples
     --------
     >>> batch = PassConfig(vary={"closure.n_anchors": [4, 12]})
-    >>> draw_config(batch, np.random.default_rng(0)).closure.n_anchors
-    9
+    >>> draw_settings(batch, np.random.default_rng(0))
+    {'closure.n_anchors': 9}
     """
     for _ in range(_TRIES):
-        drawn = _draw_once(config, rng)
-        if config.split in ("all", layout_part(drawn)):
+        draws = rng.random(len(config.vary)).tolist() if config.vary else []
+        drawn = {
+            key: _pick(key, values, draw)
+            for (key, values), draw in zip(config.vary.items(), draws, strict=True)
+        }
+        if config.split == "all" or config.split == layout_part(PassRows.of(config, [drawn])):
             return drawn
     raise ConfigError(f"split: no layout of these settings is in the {config.split} part")
 
 
-def layout_part(config: PassConfig) -> str:
+def layout_part(config: PassSettings) -> str:
     """Tell to which part a layout belongs: ``training`` or ``test``.
 
     Parameters
     ----------
     config
-        Settings of a pass.
+        Settings of one pass.
     """
     closure = config.closure
     cell = (
@@ -75,25 +79,10 @@ def layout_part(config: PassConfig) -> str:
     return "test" if crc32(cell.encode()) % _TEST_PART == 0 else "training"
 
 
-def _draw_once(config: PassConfig, rng: np.random.Generator) -> PassConfig:
-    if not config.vary:
-        return config
-    changes: dict[str, dict[str, Any]] = {}
-    draws = rng.random(len(config.vary)).tolist()
-    for (key, values), draw in zip(config.vary.items(), draws, strict=True):
-        section, _, setting = key.partition(".")
-        changes.setdefault(section, {})[setting] = _pick(section, setting, values, draw)
-    # Every end of a span was checked when the settings were built: no need to check again.
-    sections = {
-        name: getattr(config, name).model_copy(update=update) for name, update in changes.items()
-    }
-    return config.model_copy(update=sections | {"vary": {}})
-
-
-def _pick(section: str, setting: str, values: list[Choice], draw: float) -> Choice:
+def _pick(key: str, values: list[Choice], draw: float) -> Choice:
     if not is_span(values):
         return values[int(draw * len(values))]
     low, high = float(values[0]), float(values[1])
-    if (section, setting) in _WHOLE_NUMBERS:
+    if key in _WHOLE_NUMBERS:
         return int(low + draw * (high + 1 - low))
     return low + draw * (high - low)
