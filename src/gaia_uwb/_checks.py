@@ -51,12 +51,13 @@ def check_shape(
 
 def check_finite(name: str, array: Array, *, source: str | None = None) -> None:
     """Refuse NaN and infinity, naming the first row that holds one."""
-    finite = np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
+    finite = np.isfinite(array)
     if not finite.all():
+        rows = finite.all(axis=tuple(range(1, array.ndim)))
         raise InputError(
             "expected finite numbers, got NaN or infinity",
             source=source,
-            row=int(np.argmin(finite)) + 1,
+            row=int(np.argmin(rows)) + 1,
             column=name,
         )
 
