@@ -13,7 +13,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "src" / "gaia_uwb"
 
 TABLE = Path(__file__).parents[1] / "docs" / "architecture.md"
-FOLDERS = {"simulate", "datasets", "denoisers"}
+FOLDERS = {"simulate", "datasets", "denoisers", "networks"}
 
 
 def read_layers() -> dict[str, int]:
@@ -80,9 +80,18 @@ def test_prints_only_in_the_command_line() -> None:
                 assert node.func.id not in {"print", "input", "exit", "quit"}, path
 
 
+def test_only_networks_and_their_training_know_torch() -> None:
+    for path in modules():
+        if part_of(path) not in {"networks", "training"}:
+            text = path.read_text(encoding="utf-8")
+            assert "import torch" not in text, path
+            assert "from torch" not in text, path
+
+
 @pytest.mark.parametrize("command", ["import gaia_uwb", "import gaia_uwb.cli"])
 def test_importing_is_light(command: str) -> None:
-    heavy = {"torch", "pandas", "polars", "matplotlib", "scipy", "pyproj", "shapely", "jaxtyping"}
+    heavy = {"torch", "onnxruntime", "onnx", "safetensors", "pandas", "polars", "matplotlib"}
+    heavy |= {"scipy", "pyproj", "shapely", "jaxtyping"}
     code = f"{command}; import sys; print(*sorted(set(sys.modules) & {heavy!r}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []

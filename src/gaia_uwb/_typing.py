@@ -18,7 +18,7 @@ import numpy as np
 Array: TypeAlias = np.ndarray[Any, np.dtype[Any]]
 
 if TYPE_CHECKING or "jaxtyping" in sys.modules:
-    from jaxtyping import Bool, Float64, Int64
+    from jaxtyping import Bool, Float32, Float64, Int64
 else:
 
     class _Placeholder:
@@ -27,6 +27,6 @@ else:
         def __class_getitem__(cls, item: object) -> type:
             return cls
 
-    Bool = Float64 = Int64 = _Placeholder
+    Bool = Float32 = Float64 = Int64 = _Placeholder
 
-__all__ = ["Array", "Bool", "Float64", "Int64"]
+__all__ = ["Array", "Bool", "Float32", "Float64", "Int64"]

@@ -13,6 +13,16 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from gaia_uwb.cli_learning import reproduce_app, train
+from gaia_uwb.cli_options import (
+    ConfigOption,
+    DataDirOption,
+    OutOption,
+    SolverName,
+    SolverOption,
+    SourceArgument,
+    version,
+)
 from gaia_uwb.terminal import plain, print_results, print_summary, progress_bar, track
 
 if TYPE_CHECKING:
@@ -22,6 +32,7 @@ if TYPE_CHECKING:
     from gaia_uwb.simulate.settings import PassConfig
 
 UNRELIABLE, BAD_INPUT, INTERRUPTED = 1, 2, 130
+SCORED = "raw,median,kalman,pose-kalman"
 
 app = typer.Typer(
     name="gaia",
@@ -32,15 +43,8 @@ app = typer.Typer(
 )
 data_app = typer.Typer(help="List, fetch and check data.", no_args_is_help=True)
 app.add_typer(data_app, name="data")
-reproduce_app = typer.Typer(help="Repeat the paper's tables.", no_args_is_help=True)
 app.add_typer(reproduce_app, name="reproduce")
-
-
-class SolverName(StrEnum):
-    """The solvers, as the command line names them."""
-
-    ROBUST = "robust"
-    WLS = "wls"
+app.command("train")(train)
 
 
 class SimulatedAs(StrEnum):
@@ -65,32 +69,12 @@ class TableFormat(StrEnum):
     PARQUET = "parquet"
 
 
-SourceArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="SOURCE",
-        help="A folder in GAIA's own format, or NAME[:PART], such as outdoor-uwb:NLOS/B/4 or sim.",
-    ),
-]
-OutOption = Annotated[Path, typer.Option("--out", help="Folder for the results; made if needed.")]
-DataDirOption = Annotated[
-    Path | None,
-    typer.Option(help="Folder that holds the data sets, one sub-folder each [GAIA_DATA_DIR]."),
-]
-ConfigOption = Annotated[
-    Path | None, typer.Option("--config", help="YAML file with settings; options override it.")
-]
-SolverOption = Annotated[SolverName | None, typer.Option(help="How anchors are located.")]
-
-
 @app.callback(invoke_without_command=True)
 def _root(
-    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+    show_version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
 ) -> None:
-    if version:
-        from gaia_uwb import __version__
-
-        typer.echo(f"gaia {__version__}")
+    if show_version:
+        typer.echo(f"gaia {version()}")
         raise typer.Exit
 
 
@@ -98,7 +82,13 @@ def _root(
 def reconstruct(
     source: SourceArgument,
     out: OutOption = Path("out"),
-    denoiser: Annotated[str | None, typer.Option(help="raw, median, kalman, pose-kalman.")] = None,
+    denoiser: Annotated[
+        str | None,
+        typer.Option(
+            help="raw, median, kalman, pose-kalman; or a network (mlp, pose-mlp, gaia), with what "
+            "it was trained on or its folder after a colon: gaia:stress."
+        ),
+    ] = None,
     solver: SolverOption = None,
     config: ConfigOption = None,
     data_dir: DataDirOption = None,
@@ -170,7 +160,7 @@ def simulate(
         _simulate_episodes(config, episodes, seed, out, workers)
     else:
         _simulate_logs(config, episodes, seed, out, table_format)
-    header = f"# gaia {_version()} simulate --preset {preset} --episodes {episodes} --seed {seed}\n"
+    header = f"# gaia {version()} simulate --preset {preset} --episodes {episodes} --seed {seed}\n"
     folder.write_text("simulation.yaml", header + dump_config(config))
     typer.echo(f"wrote {episodes} pass{'es' if episodes > 1 else ''} to {out}")
 
@@ -181,7 +171,7 @@ def evaluate(
     out: OutOption = Path("out"),
     methods: Annotated[
         str, typer.Option(help="Denoisers to compare, with commas between.")
-    ] = "raw,median,kalman,pose-kalman",
+    ] = SCORED,
     solver: SolverOption = None,
     length: Annotated[
         str, typer.Option(help="Steps in a window, or 'whole' for whole runs.")
@@ -220,38 +210,13 @@ def evaluate(
         "length": length,
         "solver": settings.solver.kind,
         "true_nlos_labels": true_nlos_labels,
-        "version": _version(),
+        "version": version(),
     }
     results = results_json(scores, test, protocol, seed=seed)
     folder.write_text("config.yaml", dump_config(settings))
     folder.write_text("episodes.csv", episodes_csv(scores, test))
     path = folder.write_text("results.json", json.dumps(results, indent=2, allow_nan=False) + "\n")
     print_results(results, path)
-
-
-@reproduce_app.command("table5")
-def reproduce_table5(
-    out: OutOption = Path("out"),
-    seed: Annotated[int, typer.Option(min=0, help="Of all that is simulated.")] = 0,
-    data_dir: DataDirOption = None,
-) -> None:
-    """Check the simulator against the outdoor UWB data set's runs; two minutes."""
-    from gaia_uwb import experiments
-    from gaia_uwb.files import OutputFolder
-    from gaia_uwb.sources import load_scenes
-
-    folder = OutputFolder(out)
-    scenes = load_scenes("outdoor-uwb", data_dir=data_dir)
-    with progress_bar() as progress:
-        check = experiments.reproduce_table5(
-            scenes,
-            folder,
-            version=_version(),
-            seed=seed,
-            each=lambda choices: track(progress, choices, "check"),
-        )
-    typer.echo(experiments.table_text(check.rows))
-    typer.echo(f"wrote {out / 'simulator-check.md'} and the files beside it")
 
 
 @data_app.command("list")
@@ -343,12 +308,6 @@ def _folders(out: Path, names: Sequence[str]) -> list[Path]:
     return [out / name for name in safe]
 
 
-def _version() -> str:
-    from gaia_uwb import __version__
-
-    return __version__
-
-
 def _simulate_logs(
     config: PassConfig, n: int, seed: int, out: Path, table_format: TableFormat
 ) -> None:
@@ -384,7 +343,7 @@ def _calibrate(source: str, out: Path, data_dir: Path | None) -> None:
 
     folder = OutputFolder(out)
     scenes = load_scenes(source, data_dir=data_dir)
-    text = preset_text(fit_ranging(scenes), scenes, _version())
+    text = preset_text(fit_ranging(scenes), scenes, version())
     path = folder.write_text("calibrated.yaml", text)
     typer.echo(f"wrote {path}; use it with: gaia simulate --preset {path}")
 

@@ -63,7 +63,7 @@ def locate(
     ranges: Sequence[DenoisedRanges],
     config: SolverConfig = SolverConfig(),
     *,
-    nlos: Sequence[Bool[Array, "T N"]] | None = None,
+    nlos: Sequence[Bool[Array, "_ _"]] | None = None,
 ) -> list[Hypotheses]:
     """Locate every anchor of every episode; episodes of one shape are solved together.
 

@@ -122,7 +122,7 @@ def reconstruct_episodes(
     episodes: Sequence[Episode],
     config: PipelineConfig = PipelineConfig(),
     *,
-    true_nlos: Sequence[Bool[Array, "T N"]] | None = None,
+    true_nlos: Sequence[Bool[Array, "_ _"]] | None = None,
 ) -> list[Reconstruction]:
     """Reconstruct prepared episodes, batched; each result is what the episode alone would give.
 
@@ -141,13 +141,18 @@ def reconstruct_episodes(
         If the denoiser's name is unknown.
     """
     blind = [episode.without_truth() for episode in episodes]
-    denoised = make_denoiser(config.denoiser)(blind)
+    denoiser = make_denoiser(config.denoiser)
+    denoised = denoiser(blind)
     hypotheses = locate(blind, denoised, config.solver, nlos=true_nlos)
     results = []
     for episode, ranges, places in zip(blind, denoised, hypotheses, strict=True):
         anchors = resolve_sides(episode, places, config.sides, config.solver)
         boundary = make_boundary(np.stack([anchor.position_m for anchor in anchors]))
-        reasons = (*_log_reasons(episode, config), *_reasons(anchors, boundary))
+        reasons = (
+            *_log_reasons(episode, config),
+            *denoiser.notes(episode),
+            *_reasons(anchors, boundary),
+        )
         status = ReconstructionStatus.UNRELIABLE if reasons else ReconstructionStatus.OK
         results.append(Reconstruction(episode, ranges, anchors, boundary, status, reasons, config))
     return results

@@ -5,7 +5,7 @@ physical names, units and bounds) and its abilities (``uses_pose``).
 
 >>> from gaia_uwb.denoisers import DENOISERS, make_denoiser
 >>> sorted(DENOISERS)
-['kalman', 'median', 'pose-kalman', 'raw']
+['gaia', 'kalman', 'median', 'mlp', 'pose-kalman', 'pose-mlp', 'raw']
 >>> make_denoiser("median", {"window_steps": 7}).options.window_steps
 7
 """
@@ -28,6 +28,9 @@ DENOISERS: dict[str, str] = {
     "median": "gaia_uwb.denoisers.median:Median",
     "kalman": "gaia_uwb.denoisers.kalman:Kalman",
     "pose-kalman": "gaia_uwb.denoisers.pose_kalman:PoseKalman",
+    "mlp": "gaia_uwb.denoisers.neural:NeuralMlp",
+    "pose-mlp": "gaia_uwb.denoisers.neural:NeuralPoseMlp",
+    "gaia": "gaia_uwb.denoisers.neural:NeuralGaia",
 }
 
 
@@ -57,7 +60,8 @@ def make_denoiser(name: str, options: Mapping[str, Any] | None = None) -> Denois
     Parameters
     ----------
     name
-        A key of ``DENOISERS``.
+        A key of ``DENOISERS``; for a trained network also ``NAME:MODEL``, which sets its option
+        ``model``.
     options
         Values of its options; what is left out keeps its default.
 
@@ -76,9 +80,12 @@ def make_denoiser(name: str, options: Mapping[str, Any] | None = None) -> Denois
     gaia_uwb.errors.ConfigError: denoiser 'median': window: Extra inputs are not permitted; its \
 options are spike_neighbours, spike_threshold_sigma, spike_threshold_m, window_steps
     """
+    name, colon, model = name.partition(":")
     kind = denoiser_class(name)
     try:
-        checked = kind.Options.model_validate({} if options is None else dict(options))
+        checked = kind.Options.model_validate(
+            dict(options or {}) | ({"model": model} if colon else {})
+        )
     except ValidationError as error:
         problems = "; ".join(
             f"{'.'.join(map(str, e['loc'])) or 'options'}: {e['msg']}" for e in error.errors()

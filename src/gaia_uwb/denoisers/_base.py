@@ -61,6 +61,17 @@ class Denoiser(ABC):
             readings share where the episode's calibration knows it.
         """
 
+    def notes(self, episode: Episode) -> tuple[str, ...]:
+        """Say in words why its result for an episode cannot be relied upon; nothing if it can.
+
+        Parameters
+        ----------
+        episode
+            Any.
+        """
+        del episode
+        return ()
+
 
 @dataclass(frozen=True)
 class Part:

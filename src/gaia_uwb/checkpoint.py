@@ -1,0 +1,215 @@
+"""A trained model as files: written whole, loaded strictly, never unpickled.
+
+=======================  ==========================================================
+``model.json``           :class:`gaia_uwb.model.ModelDescription`, with checksums
+``model.onnx``           the network for ONNX Runtime, dynamic batch and length
+``weights.safetensors``  its weights, to train on or to look at
+``MODEL_CARD.md``        what it is, what it was trained on, its scores, its limits
+=======================  ==========================================================
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from gaia_uwb._typing import Array
+from gaia_uwb.errors import ConfigError
+from gaia_uwb.model import SCHEMA, ModelDescription
+
+DESCRIPTION = "model.json"
+ONNX = "model.onnx"
+WEIGHTS = "weights.safetensors"
+CARD = "MODEL_CARD.md"
+
+_LARGEST_BYTES = 1 << 30  # a larger file is none of ours
+
+
+def shipped_models() -> dict[str, Path]:
+    """Return the folders of the models inside the package, by name (``gaia-stress``)."""
+    base = Path(str(files("gaia_uwb") / "models"))
+    return {path.parent.name: path.parent for path in sorted(base.glob(f"*/{DESCRIPTION}"))}
+
+
+def find_model(kind: str, model: str) -> Path:
+    """Return the folder of a model.
+
+    Parameters
+    ----------
+    kind
+        Kind of network: ``mlp``, ``pose-mlp`` or ``gaia``.
+    model
+        What it was trained on, for one inside the package (``stress``); or a folder that
+        ``gaia train`` wrote.
+
+    Raises
+    ------
+    ConfigError
+        If there is neither.
+    """
+    shipped = shipped_models()
+    if f"{kind}-{model}" in shipped:
+        return shipped[f"{kind}-{model}"]
+    with suppress(OSError, ValueError):  # a name that no file can have
+        if (Path(model) / DESCRIPTION).is_file():
+            return Path(model)
+    known = [name.removeprefix(f"{kind}-") for name in shipped if name.startswith(f"{kind}-")]
+    raise ConfigError(
+        f"no model {model!r} of {kind}: neither a folder with {DESCRIPTION} nor one of "
+        f"{', '.join(known) or 'none'}"
+    )
+
+
+def read_description(folder: Path) -> ModelDescription:
+    """Read what a model is.
+
+    Parameters
+    ----------
+    folder
+        Holds the model's files.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read, is damaged, or comes from another version of the format.
+    """
+    path = folder / DESCRIPTION
+    content = _read(path)
+    try:
+        fields = json.loads(content)
+        if isinstance(fields, dict) and fields.get("schema") != SCHEMA:
+            raise ConfigError(
+                f"{path}: expected a model of schema {SCHEMA}, got {fields.get('schema')!r}"
+            )
+        description = ModelDescription.model_validate_json(content)
+    except (ValidationError, ValueError, RecursionError) as error:
+        if isinstance(error, ValidationError):
+            first = error.errors()[0]
+            problem = f"{'.'.join(map(str, first['loc'])) or 'top level'}: {first['msg']}"
+        else:
+            problem = " ".join(str(error).split())
+        raise ConfigError(f"{path}: no description of a model: {problem}") from error
+    own = description.sha256.get(DESCRIPTION, _checksum(fields))
+    if own != _checksum(fields) or set(description.sha256) - {ONNX, WEIGHTS, DESCRIPTION}:
+        raise ConfigError(f"{path}: damaged: its checksum is wrong")
+    return description
+
+
+def seal(description: ModelDescription, contents: Mapping[str, bytes]) -> ModelDescription:
+    """Return a description with the checksums of the files beside it, and with its own.
+
+    Parameters
+    ----------
+    description
+        Of the model.
+    contents
+        What :data:`ONNX` and :data:`WEIGHTS` hold.
+    """
+    sums = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
+    fields = json.loads(description.model_dump_json(by_alias=True)) | {"sha256": sums}
+    return description.model_copy(update={"sha256": sums | {DESCRIPTION: _checksum(fields)}})
+
+
+def _checksum(fields: Mapping[str, Any]) -> str:
+    """Return the checksum of a description's fields, that checksum itself left out."""
+    sums = fields.get("sha256", {})
+    others = {name: value for name, value in sums.items() if name != DESCRIPTION}
+    content = json.dumps({**fields, "sha256": others}, sort_keys=True)
+    return hashlib.sha256(content.encode()).hexdigest()
+
+
+def read_file(folder: Path, name: str, description: ModelDescription) -> bytes:
+    """Read a model's file and check it against its checksum.
+
+    Parameters
+    ----------
+    folder
+        Holds the model's files.
+    name
+        :data:`ONNX` or :data:`WEIGHTS`.
+    description
+        Of the model.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read, or is not the file that the description belongs to.
+    """
+    content = _read(folder / name)
+    if hashlib.sha256(content).hexdigest() != description.sha256.get(name):
+        raise ConfigError(f"{folder / name}: damaged, or not of this model: its checksum is wrong")
+    return content
+
+
+def read_weights(folder: Path, description: ModelDescription) -> dict[str, Array]:
+    """Read a model's weights by name.
+
+    Parameters
+    ----------
+    folder, description
+        Like :func:`read_file`.
+
+    Raises
+    ------
+    ConfigError
+        If they cannot be read or are damaged.
+    """
+    return unpack(read_file(folder, WEIGHTS, description), str(folder / WEIGHTS))
+
+
+def pack(tensors: Mapping[str, Array]) -> bytes:
+    """Return arrays as the content of a safetensors file.
+
+    Parameters
+    ----------
+    tensors
+        By name.
+    """
+    from safetensors.numpy import save
+
+    # An array in another order would be written as it lies in the memory, and come back mixed up.
+    return save({name: np.asarray(value, order="C") for name, value in tensors.items()})
+
+
+def unpack(content: bytes, source: str) -> dict[str, Array]:
+    """Return the arrays of a safetensors file.
+
+    Parameters
+    ----------
+    content
+        The file's.
+    source
+        What to call it.
+
+    Raises
+    ------
+    ConfigError
+        If it is none, or damaged.
+    """
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    try:
+        found: dict[str, Array] = load(content)
+    except (SafetensorError, ValueError, KeyError, TypeError) as error:
+        raise ConfigError(
+            f"{source}: no safetensors file: {' '.join(str(error).split())}"
+        ) from error
+    return found
+
+
+def _read(path: Path) -> bytes:
+    try:
+        if path.stat().st_size > _LARGEST_BYTES:
+            raise ConfigError(f"{path}: too large for a model's file")
+        return path.read_bytes()
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot read this file: {error.strerror or error}") from error

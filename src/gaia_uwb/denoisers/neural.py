@@ -1,0 +1,175 @@
+"""``mlp``, ``pose-mlp`` and ``gaia``: trained networks, run by ONNX Runtime.
+
+A run is cut into windows as long as those that the network was trained on, each overlapping the
+next by half; their outputs fade into one another, so that a run of any length comes out whole.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from gaia_uwb._typing import Array, Float64
+from gaia_uwb.checkpoint import ONNX, find_model, read_description, read_file
+from gaia_uwb.denoisers._base import Denoiser, Options
+from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.errors import ConfigError
+from gaia_uwb.features import Features, blend, make_features, window_starts
+
+if TYPE_CHECKING:
+    import onnxruntime
+
+_CHUNK = 256  # windows that the network takes at a time: this bounds the memory
+_STRANGE_SHARE = 0.1  # of a path outside what the model has seen
+
+
+class NeuralOptions(Options):
+    """Options of the trained networks."""
+
+    model: str = Field(default="stress", min_length=1)
+    """What it was trained on, for a model inside the package (``stress``, ``outdoor-uwb``); or a
+    folder that ``gaia train`` wrote."""
+
+
+class Neural(Denoiser):
+    """A trained network; its subclasses name the kinds.
+
+    Parameters
+    ----------
+    options
+        Which model.
+
+    Raises
+    ------
+    ConfigError
+        If the model is missing, damaged or of another kind.
+    """
+
+    Options: ClassVar[type[Options]] = NeuralOptions
+    kind: ClassVar[str]
+    options: NeuralOptions
+
+    def __init__(self, options: NeuralOptions) -> None:
+        super().__init__(options)
+        folder = find_model(self.kind, options.model)
+        self.description = read_description(folder)
+        if self.description.network.kind != self.kind:
+            raise ConfigError(
+                f"{folder}: expected a model of kind {self.kind}, got "
+                f"{self.description.network.kind}"
+            )
+        content = read_file(folder, ONNX, self.description)
+        self._session = _session(content, self.description.n_anchors, str(folder / ONNX))
+
+    def __call__(self, episodes: Sequence[Episode]) -> list[DenoisedRanges]:
+        """Denoise episodes; see the base class.
+
+        Raises
+        ------
+        InputError
+            If an episode has more anchors than the network has channels.
+        """
+        length = self.description.window_steps
+        pieces = [
+            (index, start)
+            for index, episode in enumerate(episodes)
+            for start in window_starts(episode.n_steps, length)
+        ]
+        found: list[list[Float64[Array, "L N"]]] = [[] for _ in episodes]
+        for size in sorted({min(length, episode.n_steps) for episode in episodes}):
+            same = [p for p in pieces if min(length, episodes[p[0]].n_steps) == size]
+            for first in range(0, len(same), _CHUNK):
+                chunk = same[first : first + _CHUNK]
+                windows = [episodes[i].window(start, start + size) for i, start in chunk]
+                for (index, _), values in zip(chunk, self._run(windows), strict=True):
+                    found[index].append(values)
+        return [
+            self._whole(episode, np.stack(windows))
+            for episode, windows in zip(episodes, found, strict=True)
+        ]
+
+    def notes(self, episode: Episode) -> tuple[str, ...]:
+        """Say where an episode lies outside what the model was trained on.
+
+        Parameters
+        ----------
+        episode
+            Any.
+        """
+        share = self.description.domain.outside_share(episode)
+        if share <= _STRANGE_SHARE:
+            return ()
+        return (
+            f"{share:.0%} of the path lies outside what {self.kind}:{self.options.model} was "
+            "trained on: use another denoiser",
+        )
+
+    def _run(self, windows: Sequence[Episode]) -> Float64[Array, "B L N"]:
+        """Return the network's ranges in metres."""
+        description = self.description
+        features = make_features(windows, description.n_anchors, description.normalisation)
+        inputs: dict[str, Any] = dict(zip(Features._fields, features, strict=True))
+        (distance,) = self._session.run(["predicted_distance"], inputs)
+        return np.asarray(distance, dtype=np.float64) * description.normalisation.scale_m
+
+    def _whole(self, episode: Episode, windows: Float64[Array, "W L N"]) -> DenoisedRanges:
+        """Blend an episode's windows into one series."""
+        starts = window_starts(episode.n_steps, self.description.window_steps)
+        range_m = blend(windows, starts, episode.n_steps)[:, : episode.n_anchors]
+        sigma_m = np.full(episode.range_m.shape, self.description.sigma_m)
+        return DenoisedRanges(
+            range_m=np.where(episode.valid, range_m, np.nan),
+            sigma_m=np.where(episode.valid, sigma_m, np.nan),
+            valid=episode.valid,
+        )
+
+
+class NeuralMlp(Neural):
+    """The paper's MLP: a perceptron on the ranges of a step."""
+
+    kind: ClassVar[str] = "mlp"
+
+
+class NeuralPoseMlp(Neural):
+    """The paper's PoseMLP: a perceptron on the ranges and the position of a step."""
+
+    kind: ClassVar[str] = "pose-mlp"
+    uses_pose: ClassVar[bool] = True
+
+
+class NeuralGaia(Neural):
+    """The paper's GAIA: temporal refinement, a layout, and ranges that agree with it."""
+
+    kind: ClassVar[str] = "gaia"
+    uses_pose: ClassVar[bool] = True
+
+
+@lru_cache(maxsize=8)
+def _session(content: bytes, n_anchors: int, source: str) -> onnxruntime.InferenceSession:
+    """Load a network from its file's content; once, as long as that stays the same."""
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = _n_processors()
+    options.log_severity_level = 3
+    try:
+        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime's own classes have no common base but this
+        reason = " ".join(str(error).split())
+        raise ConfigError(f"{source}: cannot run this model: {reason}") from error
+    expected = dict(zip(Features._fields, (2, n_anchors, n_anchors, n_anchors), strict=True))
+    if {part.name: part.shape[-1] for part in session.get_inputs()} != expected:
+        raise ConfigError(f"{source}: cannot run this model: expected the inputs {expected}")
+    return session
+
+
+def _n_processors() -> int:
+    """Return how many processors this process may use, where the system says so."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

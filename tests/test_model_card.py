@@ -1,0 +1,23 @@
+from __future__ import annotations
+
+from gaia_uwb.model import Domain, GaiaOptions, ModelDescription, Normalisation, TrainingOptions
+from gaia_uwb.model_card import model_card
+from tiny_models import make_run
+
+
+def test_the_card_says_what_the_description_says() -> None:
+    description = ModelDescription(
+        schema=1, network=GaiaOptions(gru_hidden=77), n_anchors=12, window_steps=64,
+        normalisation=Normalisation.fit([make_run(0)]), domain=Domain.of([make_run(0)]),
+        sigma_m=0.1234, data={"source": "sim:stress", "validation": "1000 episodes"},
+        training=TrainingOptions(batch_size=321), metrics={"validation_total": 0.56789},
+        version="9.9",
+    )  # fmt: skip
+    card = model_card(description)
+    for words in (
+        "# gaia, trained on sim:stress", "64 steps", "gru_hidden 77", "gaia 9.9",
+        "- validation: 1000 episodes", "| validation_total | 0.5679 |", "at most 12 anchors",
+        "east -10 to 10 m", "north -4 to -4 m", "0.123 m", "- batch_size: 321",
+    ):  # fmt: skip
+        assert words in card
+    assert not any(line.endswith(" ") for line in card.splitlines())
