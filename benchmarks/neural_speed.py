@@ -1,7 +1,8 @@
 """How fast trained networks denoise windows of 64 steps x 12 anchors, and how soon the first.
 
-Side by side in one run: ONNX Runtime (what a reconstruction uses) and PyTorch, on the same features,
-with all cores; then the whole denoiser, from episodes to episodes. Run it on a quiet machine.
+Side by side in one run: ONNX Runtime (what a reconstruction uses) and PyTorch, on the same
+features, with all cores; then the whole denoiser, from episodes to episodes. Run it on a quiet
+machine.
 """
 
 from __future__ import annotations

@@ -18,6 +18,8 @@ from gaia_uwb.errors import InputError
 SCHEMA = 1
 """Version of the files that hold a model."""
 
+_STRANGE_SHARE = 0.1  # of a path outside what a model has seen
+
 _Width = Annotated[int, Field(ge=1, le=4096)]
 
 
@@ -129,6 +131,24 @@ class Domain(Settings):
             range_m=_span(range_m),
             n_anchors=(min(counts), max(counts)),
         )
+
+    def strange(self, episode: Episode) -> list[str]:
+        """Say in words what of an episode a model has not seen; nothing if it has seen all.
+
+        Parameters
+        ----------
+        episode
+            Any.
+        """
+        reasons = []
+        share = self.outside_share(episode)
+        if share > _STRANGE_SHARE:
+            reasons.append(f"{share:.0%} of the path lies outside the area of its training")
+        low, high = self.n_anchors
+        if not low <= episode.n_anchors <= high:
+            seen = f"{low}" if low == high else f"{low} to {high}"
+            reasons.append(f"it was trained with {seen} anchors, this log has {episode.n_anchors}")
+        return reasons
 
     def outside_share(self, episode: Episode) -> float:
         """Return which share of an episode's path lies outside, give or take a tenth.

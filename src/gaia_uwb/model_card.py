@@ -5,8 +5,9 @@ from __future__ import annotations
 from gaia_uwb.model import ModelDescription
 
 _LIMITS = """\
-- One channel per anchor, in the order of the log: it takes at most {n} anchors, and an anchor's
-  channel has a meaning (in the simulator the first four are the corners of the zone).
+- One channel per anchor, in the order of the log: it takes at most {n} anchors and has seen {seen}.
+  A channel has a meaning: in the simulator the first four are the corners of the zone.
+- It has seen ranges from {range} m.
 - It knows the coordinates of its training data: a path outside east {east} m, north {north} m, or
   work zones of another kind, are strange to it, and a reconstruction says so (`unreliable`).
 - Its standard deviation is one number, the root mean square error on validation data
@@ -36,6 +37,8 @@ def model_card(description: ModelDescription) -> str:
         n=description.n_anchors,
         east="{:.0f} to {:.0f}".format(*domain.east_m),
         north="{:.0f} to {:.0f}".format(*domain.north_m),
+        range="{:.1f} to {:.1f}".format(*domain.range_m),
+        seen="{} to {}".format(*domain.n_anchors),
         sigma=description.sigma_m,
     )
     return f"""\

@@ -125,7 +125,11 @@ def test_a_path_outside_the_training_data_is_unreliable(models: dict[str, Path])
     denoiser = make_denoiser(name)
     assert denoiser.notes(run) == ()
     (note,) = denoiser.notes(elsewhere)
-    assert note.startswith("100% of the path lies outside what gaia:")
+    assert note.startswith("gaia:")
+    assert "100% of the path lies outside" in note
+    fewer = make_run(3, n_steps=WINDOW, n_anchors=2)
+    (note_of_fewer,) = denoiser.notes(fewer)
+    assert "trained with 3 anchors, this log has 2" in note_of_fewer
     found = reconstruct_episodes([run, elsewhere], PipelineConfig(denoiser=name))
     assert note not in found[0].reasons
     assert note in found[1].reasons

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     import onnxruntime
 
 _CHUNK = 256  # windows that the network takes at a time: this bounds the memory
-_STRANGE_SHARE = 0.1  # of a path outside what the model has seen
 
 
 class NeuralOptions(Options):
@@ -101,12 +100,10 @@ class Neural(Denoiser):
         episode
             Any.
         """
-        share = self.description.domain.outside_share(episode)
-        if share <= _STRANGE_SHARE:
-            return ()
-        return (
-            f"{share:.0%} of the path lies outside what {self.kind}:{self.options.model} was "
-            "trained on: use another denoiser",
+        name = f"{self.kind}:{self.options.model}"
+        return tuple(
+            f"{name} guesses: {reason}; use another denoiser"
+            for reason in self.description.domain.strange(episode)
         )
 
     def _run(self, windows: Sequence[Episode]) -> Float64[Array, "B L N"]:
