@@ -146,6 +146,40 @@ def reproduce_table2(
     _stress(out, ALL_METHODS, seeds, quick)
 
 
+@reproduce_app.command("table4")
+def reproduce_table4(
+    out: OutOption = Path("out"), seeds: SeedsOption = 3, quick: QuickOption = False
+) -> None:
+    """Score the methods of table 2 on ever worse data; trains what is missing."""
+    import json
+
+    from gaia_uwb import robustness
+    from gaia_uwb.error_plots import figure_svg
+    from gaia_uwb.files import OutputFolder
+    from gaia_uwb.method_tables import ALL_METHODS
+    from gaia_uwb.plots import figure_png
+
+    _require_torch()
+    folder = OutputFolder(out)
+    with progress_bar() as progress:
+        results = robustness.robustness_table(
+            ALL_METHODS,
+            _job(folder, seeds, quick),
+            each=lambda settings: track(progress, settings, "stress"),
+        )
+    results["protocol"] |= {"quick": True} if quick else {}
+    mark = "QUICK RUN, numbers mean nothing\n\n" if quick else ""
+    summary = mark + robustness.robustness_summary(results)
+    folder.write_text("table4.md", summary)
+    folder.write_text("table4.csv", robustness.robustness_csv(results))
+    figure = robustness.plot_robustness(results)
+    folder.write_bytes("robustness.png", figure_png(figure))
+    folder.write_bytes("robustness.svg", figure_svg(figure))
+    path = folder.write_text("results.json", json.dumps(results, indent=2, allow_nan=False) + "\n")
+    typer.echo(plain(summary))
+    typer.echo(f"wrote {path}")
+
+
 @reproduce_app.command("ablation")
 def reproduce_ablation(
     out: OutOption = Path("out"), seeds: SeedsOption = 3, quick: QuickOption = False

@@ -114,9 +114,7 @@ def stress_table(methods: Sequence[Method], job: TableJob) -> dict[str, Any]:
     dict
         Content of ``results.json``.
     """
-    recipe = job.shrink(make_recipe(KINDS["gaia"], simulated=True))
-    job.watch("simulate")
-    sets = simulated_sets("stress", recipe.sets, n_test=N_TEST, test_seed=TEST_SEED)
+    sets = stress_sets(job)
     test = Test(sets.test, sets.test_groups, 0)
     config = paper_solver(PipelineConfig())
     scores = []
@@ -124,7 +122,8 @@ def stress_table(methods: Sequence[Method], job: TableJob) -> dict[str, Any]:
         names = [method.name]
         if method.network is not None:
             names = [
-                _trained(method, sets, seed, job.folder.path / "models", job) for seed in job.seeds
+                trained_model(method, sets, seed, job.folder.path / "models", job)
+                for seed in job.seeds
             ]
         job.watch(f"score {method.name}")
         parts = [score_method(test, name, config, true_nlos_labels=True) for name in names]
@@ -140,6 +139,19 @@ def stress_table(methods: Sequence[Method], job: TableJob) -> dict[str, Any]:
         "version": job.version,
     }
     return _results(scores, test, protocol)
+
+
+def stress_sets(job: TableJob) -> LearningSets:
+    """Simulate what the stress test's models are trained on, and the test itself.
+
+    Parameters
+    ----------
+    job
+        Gives the recipe.
+    """
+    recipe = job.shrink(make_recipe(KINDS["gaia"], simulated=True))
+    job.watch("simulate")
+    return simulated_sets("stress", recipe.sets, n_test=N_TEST, test_seed=TEST_SEED)
 
 
 def outdoor_table(
@@ -180,7 +192,7 @@ def outdoor_table(
             names[method.name].append(
                 [method.name]
                 if method.network is None
-                else [_trained(method, sets, seed, models, job) for seed in job.seeds]
+                else [trained_model(method, sets, seed, models, job) for seed in job.seeds]
             )
     whole = Test(
         tuple(episode for test in tests for episode in test.episodes),
@@ -255,8 +267,24 @@ def _cell(metric: dict[str, Any] | None) -> str:
     return f"{text} [{low:.3f}, {high:.3f}]"
 
 
-def _trained(method: Method, sets: LearningSets, seed: int, models: Path, job: TableJob) -> str:
-    """Return the name of a method's model as a denoiser; train it if it is not there."""
+def trained_model(
+    method: Method, sets: LearningSets, seed: int, models: Path, job: TableJob
+) -> str:
+    """Return the name of a method's model as a denoiser; train it if it is not there.
+
+    Parameters
+    ----------
+    method
+        With a network.
+    sets
+        What it is trained on.
+    seed
+        Of the training.
+    models
+        Folder of all models.
+    job
+        How tables are made.
+    """
     from gaia_uwb.training import Task, train
 
     if method.network is None:
@@ -269,7 +297,7 @@ def _trained(method: Method, sets: LearningSets, seed: int, models: Path, job: T
         base = models / f"pose-mlp-seed{seed}"
         if not (base / "model.json").is_file():
             pose = Method("pose-mlp", KINDS["pose-mlp"])
-            _trained(pose, sets, seed, models, job)
+            trained_model(pose, sets, seed, models, job)
     job.watch(f"train {method.name}, seed {seed}, {sets.description['split']}")
     train(Task(recipe.network, recipe.training, sets, job.version), OutputFolder(place), base=base)
     return f"{method.network.kind}:{place}"
