@@ -16,6 +16,7 @@ def test_the_card_says_what_the_description_says() -> None:
     card = model_card(description)
     for words in (
         "# gaia, trained on sim:stress", "64 steps", "gru_hidden 77", "gaia 9.9",
+        "gaia train gaia --data sim:stress --seed 0 --out my-model/",
         "- validation: 1000 episodes", "| validation_total | 0.5679 |", "at most 12 anchors",
         "east -10 to 10 m", "north -4 to -4 m", "0.123 m", "- batch_size: 321",
     ):  # fmt: skip

@@ -45,7 +45,11 @@ def model_card(description: ModelDescription) -> str:
 # {description.network.kind}, trained on {description.data.get("source", "unknown data")}
 
 Denoises UWB ranges of windows of {description.window_steps} steps. Sizes: {sizes}. Written by
-gaia {description.version}.
+gaia {description.version}; this command, with the settings below, trains it again:
+
+```
+{_command(description)}
+```
 
 ## Data
 
@@ -64,3 +68,12 @@ gaia {description.version}.
 
 {settings}
 """
+
+
+def _command(description: ModelDescription) -> str:
+    """Return the command that trains a model like this one."""
+    data = description.data
+    words = ["gaia train", description.network.kind, "--data", str(data.get("source", "SOURCE"))]
+    if "preparation" in data:
+        words += ["--split", str(data["split"]), "--preparation", str(data["preparation"])]
+    return " ".join([*words, "--seed", str(description.training.seed), "--out", "my-model/"])
