@@ -54,6 +54,11 @@ def find_model(kind: str, model: str) -> Path:
     ------
     ConfigError
         If there is neither.
+
+    Examples
+    --------
+    >>> find_model("gaia", "stress").name
+    'gaia-stress'
     """
     shipped = shipped_models()
     if f"{kind}-{model}" in shipped:

@@ -47,6 +47,12 @@ class Neural(Denoiser):
     ------
     ConfigError
         If the model is missing, damaged or of another kind.
+
+    Examples
+    --------
+    >>> from gaia_uwb.denoisers import make_denoiser
+    >>> make_denoiser("gaia:stress").description.n_anchors
+    12
     """
 
     Options: ClassVar[type[Options]] = NeuralOptions
