@@ -1,6 +1,8 @@
-"""From what a user names as SOURCE to scenes: a folder, or NAME[:PART] from the registries.
+"""From what a user names as SOURCE to scenes: a log, or NAME[:PART] from the registries.
 
-A registered name comes before a folder of that name; ``./sim`` is the folder.
+A log is a folder in GAIA's own format, a folder with a ``gaia.yaml``, a ROS 2 folder, or a ``.bag``
+or ``.mcap`` file; a folder of such logs is all of them. A registered name comes before a folder of
+that name; ``./sim`` is the folder.
 """
 
 from __future__ import annotations
@@ -9,9 +11,10 @@ from pathlib import Path
 
 from gaia_uwb.datasets import REGISTRY, import_function
 from gaia_uwb.datasets.check import CheckReport, check_scene
+from gaia_uwb.datasets.described import is_described, read_described
 from gaia_uwb.datasets.fetch import dataset_folder
-from gaia_uwb.datasets.native import is_native, read_native, read_with_notes
-from gaia_uwb.errors import InputError, SourceError
+from gaia_uwb.datasets.native import is_native, read_with_notes
+from gaia_uwb.errors import ConfigError, InputError, SourceError
 from gaia_uwb.scene import Scene
 
 SIMULATOR = "sim"
@@ -24,8 +27,9 @@ def load_scenes(source: str, *, data_dir: Path | None = None) -> list[Scene]:
     Parameters
     ----------
     source
-        A folder with a scene in GAIA's own format, or with sub-folders that are such; or the name
-        of a data set or the simulator, and a part of it after a colon.
+        A log (a folder in GAIA's own format, a folder with a ``gaia.yaml``, a ROS 2 folder, a
+        ``.bag`` or ``.mcap`` file) or a folder of logs; or the name of a data set or the simulator,
+        and a part of it after a colon.
     data_dir
         Folder that holds the data sets, see :func:`gaia_uwb.datasets.fetch.data_folder`.
 
@@ -39,7 +43,9 @@ def load_scenes(source: str, *, data_dir: Path | None = None) -> list[Scene]:
     SourceError
         If there is no such folder, name or part, or the data set has not been fetched.
     InputError
-        If the data are wrong: the message names file, row and column.
+        If the data are wrong: the message names the file and the row or message.
+    ConfigError
+        If a ``gaia.yaml`` is wrong, or ROS logs need an extra that is not installed.
 
     Examples
     --------
@@ -58,7 +64,7 @@ def load_scenes(source: str, *, data_dir: Path | None = None) -> list[Scene]:
             dataset_folder(name, data_dir), part
         )
         return scenes
-    return [read_native(folder) for folder in _native_folders(source)]
+    return [_read_log(path)[0] for path in _logs(source)]
 
 
 def check_source(source: str, *, data_dir: Path | None = None) -> list[CheckReport]:
@@ -89,25 +95,34 @@ def check_source(source: str, *, data_dir: Path | None = None) -> list[CheckRepo
         except InputError as error:
             reports = [CheckReport.of_failure(source, error)]
         return reports
-    return [_check_native(folder) for folder in _native_folders(source)]
+    return [_check_log(path) for path in _logs(source)]
 
 
-def _check_native(folder: Path) -> CheckReport:
+def _read_log(path: Path) -> tuple[Scene, tuple[str, ...]]:
+    return read_described(path) if is_described(path) else read_with_notes(path)
+
+
+def _check_log(path: Path) -> CheckReport:
     try:
-        return check_scene(*read_with_notes(folder))
-    except InputError as error:
-        return CheckReport.of_failure(str(folder), error)
+        return check_scene(*_read_log(path))
+    except (InputError, ConfigError) as error:
+        return CheckReport.of_failure(str(path), error)
 
 
-def _native_folders(source: str) -> list[Path]:
-    """Return the folder itself, or those of its sub-folders that hold a scene."""
+def _logs(source: str) -> list[Path]:
+    """Return the log itself, or the logs in a folder."""
     if not source.strip():
-        raise SourceError("expected a folder or a name as source, got nothing")
-    folder = Path(source)
-    if folder.is_file():
-        raise SourceError(f"{source}: is a file; name the folder that holds trajectory and ranges")
-    if not folder.is_dir():
+        raise SourceError("expected a log or a name as source, got nothing")
+    path = Path(source)
+    if is_described(path):
+        return [path]
+    if path.is_file():
+        problem = "is a file; name the folder that holds trajectory and ranges, or a .bag or .mcap"
+        raise SourceError(f"{source}: {problem}")
+    if not path.is_dir():
         known = ", ".join([*REGISTRY, SIMULATOR])
         raise SourceError(f"{source}: neither a folder nor one of {known}")
-    inner = sorted(path for path in folder.iterdir() if path.is_dir() and is_native(path))
-    return inner if inner and not is_native(folder) else [folder]
+    if is_native(path):
+        return [path]
+    inner = [each for each in path.iterdir() if is_described(each) or is_native(each)]
+    return sorted(inner) or [path]

@@ -1,0 +1,88 @@
+"""Which files a ROS log consists of: one, or those that a ROS 2 folder's description names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from gaia_uwb.datasets._bag_files import MAX_FILE_BYTES, Bag, Message, open_bag
+from gaia_uwb.datasets._logs import check_file
+from gaia_uwb.errors import InputError
+
+_MAX_METADATA = 4 * 2**20
+_MAX_FILES = 1000
+
+
+def is_ros2_folder(folder: Path) -> bool:
+    """Tell whether a folder is a ROS 2 recording."""
+    return (folder / "metadata.yaml").is_file()
+
+
+def open_log(path: Path) -> tuple[list[Bag], bool]:
+    """Return the files of a log, and whether each message is packed.
+
+    Raises
+    ------
+    InputError
+        If a file is missing, empty or of another kind, or the folder's description is wrong.
+    """
+    paths, packed = [path], False
+    if path.is_dir():
+        paths, packed = _storage_files(path)
+    for each in paths:
+        check_file(each, MAX_FILE_BYTES)
+    return [open_bag(each) for each in paths], packed
+
+
+def _storage_files(folder: Path) -> tuple[list[Path], bool]:
+    """Return the files that a ROS 2 folder's description names."""
+    import yaml
+
+    path = folder / "metadata.yaml"
+    check_file(path, _MAX_METADATA)
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        information = content["rosbag2_bagfile_information"]
+        names = [str(name) for name in information["relative_file_paths"]]
+        mode = str(information.get("compression_mode") or "").lower()
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise InputError("is no description of a ROS 2 recording", source=path) from error
+    except yaml.YAMLError as error:
+        reason = " ".join(str(error).split())[:160]
+        raise InputError(f"cannot be read: {reason}", source=path) from error
+    if mode == "file":
+        raise InputError("its files are packed: unpack them with 'ros2 bag convert'", source=path)
+    if not 0 < len(names) <= _MAX_FILES:
+        raise InputError(f"names {len(names)} files", source=path)
+    return [folder / Path(name).name for name in names], mode == "message"
+
+
+def scan(bag: Bag) -> None:
+    """Find a file's channels.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or has none.
+    """
+    try:
+        bag.scan()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=bag.path) from error
+    if not bag.channels:
+        at = "" if bag.cut_off_at is None else f" and is cut off at byte {bag.cut_off_at:,}"
+        raise InputError(f"holds no topics{at}", source=bag.path)
+
+
+def walk(bag: Bag, wanted: set[int]) -> Iterator[Message]:
+    """Yield a file's messages of the wanted channels.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    try:
+        yield from bag.walk(wanted)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=bag.path) from error

@@ -1,0 +1,150 @@
+"""What ``gaia.yaml`` says: which files hold the trajectory and the ranges, and how to read them.
+
+>>> from gaia_uwb.datasets.input_description import InputDescription
+>>> description = InputDescription.model_validate({
+...     "trajectory": {"file": "drive.nmea", "format": "nmea"},
+...     "ranges": [{"file": "tag.log", "format": "dwm1001"}],
+... })
+>>> description.ranges[0].format
+'dwm1001'
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError
+
+from gaia_uwb.config import Settings
+from gaia_uwb.datasets._bag_fields import FieldMap
+from gaia_uwb.datasets._lever_arm import LeverArm
+from gaia_uwb.datasets._logs import check_file
+from gaia_uwb.datasets._stamps import StampOptions
+from gaia_uwb.datasets.csv_map import RangeColumns, TrajectoryColumns
+from gaia_uwb.errors import ConfigError, InputError
+
+FILE_NAME = "gaia.yaml"
+"""Name of the description within the folder of a log."""
+
+_MAX_BYTES = 2**20
+_MAX_RANGE_FILES = 100
+
+
+class _File(Settings):
+    file: str = Field(min_length=1)
+    """Path, seen from the description's folder."""
+
+
+class _Ros(_File):
+    format: Literal["ros"]
+    topic: str | None = None
+    """``None`` takes the only topic that fits."""
+    clock: Literal["auto", "header", "receive"] = "auto"
+    """Time of the message's header or of its recording; ``auto``: header where there is one."""
+    msg_dir: str | None = None
+    """Folder with ``.msg`` files of types that the log lacks."""
+
+
+class RosTrajectory(_Ros):
+    """A trajectory in a ROS log."""
+
+
+class RosRanges(_Ros):
+    """Ranges in a ROS log."""
+
+    fields: FieldMap | None = None
+    """Where the messages keep what; ``None`` guesses."""
+
+
+class NmeaTrajectory(_File):
+    """A trajectory in an NMEA log."""
+
+    format: Literal["nmea"]
+    clock: Literal["gnss", "host"] = "gnss"
+    """Time of the sentence, or of the stamp before it."""
+    stamps: StampOptions = StampOptions()
+
+
+class CsvTrajectory(_File):
+    """A trajectory in a table."""
+
+    format: Literal["csv"]
+    columns: TrajectoryColumns
+    stamps: StampOptions = StampOptions()
+
+
+class CsvRanges(_File):
+    """Ranges in a table."""
+
+    format: Literal["csv"]
+    columns: RangeColumns
+    stamps: StampOptions = StampOptions()
+
+
+class Dwm1001Ranges(_File):
+    """Ranges in a DWM1001's serial log."""
+
+    format: Literal["dwm1001"]
+    stamps: StampOptions = StampOptions()
+
+
+class FrameInput(Settings):
+    """Where the local frame's origin lies on Earth."""
+
+    lat_deg: float = Field(ge=-90, le=90)
+    lon_deg: float = Field(ge=-180, le=180)
+    alt_m: float = Field(default=0.0, ge=-1e5, le=1e5)
+
+
+TrajectoryInput = Annotated[
+    RosTrajectory | NmeaTrajectory | CsvTrajectory, Field(discriminator="format")
+]
+RangesInput = Annotated[RosRanges | CsvRanges | Dwm1001Ranges, Field(discriminator="format")]
+
+
+class InputDescription(Settings):
+    """The content of ``gaia.yaml``."""
+
+    name: str | None = None
+    """Of the scene; ``None`` takes the folder's."""
+    frame: FrameInput | None = None
+    """Origin of the local frame; ``None`` takes the trajectory's first place on Earth."""
+    trajectory: TrajectoryInput
+    ranges: list[RangesInput] = Field(min_length=1, max_length=_MAX_RANGE_FILES)
+    """One or more logs of the same drive, by one clock."""
+    anchors: str | None = None
+    """Table of heights and surveyed places, like GAIA's own ``anchors.csv``."""
+    lever_arm: LeverArm = LeverArm()
+    """From the GNSS antenna to the tag's antenna."""
+
+
+def read_description(path: Path) -> InputDescription:
+    """Read a description.
+
+    Parameters
+    ----------
+    path
+        The YAML file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    ConfigError
+        If a key is unknown or missing, or a value is impossible: the message names the key.
+    """
+    import yaml
+
+    check_file(path, _MAX_BYTES)
+    try:
+        content: Any = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return InputDescription.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = " ".join(".".join(map(str, first["loc"])).split()) or "top level"
+        message = " ".join(first["msg"].removeprefix("Value error, ").split())
+        raise ConfigError(f"{path}: {key[:100]}: {message[:200]}") from error
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(f"cannot be read: {reason}", source=path) from error
