@@ -23,6 +23,7 @@ from gaia_uwb.cli_options import (
     SourceArgument,
     version,
 )
+from gaia_uwb.cli_wzdx import wzdx_app
 from gaia_uwb.terminal import plain, print_results, print_summary, progress_bar, track
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ app = typer.Typer(
 data_app = typer.Typer(help="List, fetch and check data.", no_args_is_help=True)
 app.add_typer(data_app, name="data")
 app.add_typer(reproduce_app, name="reproduce")
+app.add_typer(wzdx_app, name="wzdx")
 app.command("train")(train)
 
 

@@ -20,7 +20,8 @@ SourceArgument = Annotated[
     str,
     typer.Argument(
         metavar="SOURCE",
-        help="A folder in GAIA's own format, or NAME[:PART], such as outdoor-uwb:NLOS/B/4 or sim.",
+        help="A log (a folder in GAIA's own format, .bag, .mcap, or a folder with gaia.yaml), a "
+        "folder of logs, or NAME[:PART], such as outdoor-uwb:NLOS/B/4 or sim.",
     ),
 ]
 OutOption = Annotated[Path, typer.Option("--out", help="Folder for the results; made if needed.")]

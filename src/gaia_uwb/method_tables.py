@@ -8,7 +8,7 @@ folds of the data, each scored on windows that it has not seen.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -194,11 +194,10 @@ def outdoor_table(
                 if method.network is None
                 else [trained_model(method, sets, seed, models, job) for seed in job.seeds]
             )
-    whole = Test(
-        tuple(episode for test in tests for episode in test.episodes),
-        tuple(group for test in tests for group in test.groups),
-        0,
-    )
+    episodes = tuple(episode for test in tests for episode in test.episodes)
+    n_windows = sum(run.n_steps // options.window_steps for run in runs)
+    groups = tuple(group for test in tests for group in test.groups)
+    whole = Test(episodes, groups, n_windows - len(episodes))
     tables = []
     for label, config in (("wls", paper_solver(prepared)), ("robust", prepared)):
         scores = []
@@ -309,7 +308,7 @@ def _results(scores: Sequence[Scores], test: Test, protocol: dict[str, Any]) -> 
     content: dict[str, Any] = {}
     for one in scores:
         repeats = len(one.per_episode) // len(test.episodes)
-        repeated = Test(test.episodes * repeats, test.groups * repeats, 0)
+        repeated = replace(test, episodes=test.episodes * repeats, groups=test.groups * repeats)
         content = results_json([one], repeated, protocol, seed=0)
         rows += content["rows"]
     counts = {"episodes": len(test.episodes), "runs": len(set(test.groups))}

@@ -1,0 +1,222 @@
+"""The work zone as a road user meets it: cones and a line, in the order of travel.
+
+It comes from a reconstruction, or from the files that one has left. What has no place on Earth, or
+no two cones along the way, is no zone that a feed could tell of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gaia_uwb._typing import Array, Float64
+from gaia_uwb.errors import InputError
+from gaia_uwb.estimate import AnchorFix, AnchorStatus
+from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
+from gaia_uwb.projection import to_local
+from gaia_uwb.scene import LocalFrame
+from gaia_uwb.wzdx.strict_json import read_json
+from gaia_uwb.wzdx.travel import passed_at, stretch, thinned
+
+_ALONG = 0.5  # of the zone's extent: a drive along it has a longer way
+_NOT_THE_LOG = (
+    *(f": {status.message}" for status in AnchorStatus),
+    "so there is no boundary",
+    "so the boundary encloses no area",
+)
+"""How reasons end that concern single cones or the boundary's area, not every position."""
+
+
+@dataclass(frozen=True)
+class Zone:
+    """A reconstructed work zone with a place on Earth.
+
+    Parameters
+    ----------
+    name
+        The scene's name.
+    frame
+        Ties the local frame to WGS84.
+    cones
+        The located anchors, in the order in which the vehicle passed them; at least two.
+    along_m : (K,)
+        Where along the path each was passed, in metres from the start of the line.
+    line_m : (P, 2)
+        The vehicle's path from the first cone to the last one, in metres.
+    hull_m : (H, 2)
+        Convex hull of the cones, counter-clockwise, not closed, in metres.
+    unlocated
+        Ids of the anchors that no place was found for.
+    reliable
+        Whether the reconstruction's status is ``ok`` and the drive leads along the zone.
+    doubts
+        Reasons, in words, to doubt all positions.
+    reasons
+        All reasons why the zone is unreliable.
+    """
+
+    name: str
+    frame: LocalFrame
+    cones: tuple[AnchorFix, ...]
+    along_m: Float64[Array, "K"]
+    line_m: Float64[Array, "P 2"]
+    hull_m: Float64[Array, "H 2"]
+    unlocated: tuple[str, ...]
+    reliable: bool
+    doubts: tuple[str, ...]
+    reasons: tuple[str, ...]
+
+
+def zone_of(reconstruction: Reconstruction) -> Zone:
+    """Return the work zone that a reconstruction found.
+
+    Raises
+    ------
+    InputError
+        If the log has no place on Earth, fewer than two cones were located, or the drive did not
+        pass along them.
+    """
+    episode = reconstruction.episode
+    return _make_zone(
+        episode.name,
+        episode.frame,
+        reconstruction.anchors,
+        episode.position_m,
+        reconstruction.boundary.hull_m,
+        None if reconstruction.status is ReconstructionStatus.OK else reconstruction.reasons,
+    )
+
+
+def read_zone(folder: Path) -> Zone:
+    """Return the work zone whose results ``gaia reconstruct`` has written.
+
+    Parameters
+    ----------
+    folder
+        Holds ``report.json`` and ``boundary.geojson``, of which the path is taken.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read or is not what was written; else like :func:`zone_of`.
+    """
+    report = read_json(folder / "report.json")
+    try:
+        frame = None if report["frame"] is None else LocalFrame(**report["frame"])
+        anchors = [_read_fix(row) for row in report["anchors"]]
+        hull_m = np.array(report["boundary"]["hull_m"], dtype=np.float64).reshape(-1, 2)
+        reasons = None if report["status"] == "ok" else tuple(map(str, report["reasons"]))
+        name = str(report["scene"])
+    except (KeyError, TypeError, ValueError, OverflowError, InputError) as error:
+        what = f"{type(error).__name__}: {error}"
+        raise InputError(f"not a report of this version ({what})", source=folder) from error
+    if frame is None:
+        raise _without_place(name)
+    path_m = _read_path(folder / "boundary.geojson", name, frame)
+    return _make_zone(name, frame, anchors, path_m, hull_m, reasons)
+
+
+def _read_fix(row: Mapping[str, Any]) -> AnchorFix:
+    def pair(*names: str) -> Float64[Array, "2"]:
+        return np.array([np.nan if row[n] is None else row[n] for n in names], dtype=np.float64)
+
+    covariance = row["covariance_m2"]
+    return AnchorFix(
+        anchor_id=str(row["id"]),
+        position_m=pair("east_m", "north_m"),
+        covariance_m2=np.full((2, 2), np.nan)
+        if covariance is None
+        else np.array(covariance, dtype=np.float64),
+        mirror_position_m=pair("mirror_east_m", "mirror_north_m"),
+        mirror_probability=float(row["mirror_probability"]),
+        status=AnchorStatus(row["status"]),
+        n_ranges=int(row["n_ranges"]),
+    )
+
+
+def _read_path(file: Path, name: str, frame: LocalFrame) -> Float64[Array, "T 2"]:
+    """Return the vehicle's path in metres, from the GeoJSON beside a report."""
+    content = read_json(file)
+    try:
+        if content["gaia"]["scene"] != name:
+            raise InputError(f"expected the scene {name!r} of report.json", source=file)
+        (line,) = [
+            feature["geometry"]["coordinates"]
+            for feature in content["features"]
+            if feature["properties"]["role"] == "path"
+        ]
+        lon_deg, lat_deg = np.array(line, dtype=np.float64).T
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise InputError("expected one feature with the role 'path'", source=file) from error
+    position_m, _ = to_local(frame, lat_deg, lon_deg)
+    if not np.isfinite(position_m).all():
+        raise InputError("expected a path in WGS84 longitude and latitude", source=file)
+    return position_m
+
+
+def _without_place(name: str) -> InputError:
+    return InputError(
+        "its place on Earth is unknown, and a feed needs longitude and latitude: give the log's "
+        "trajectory as lat and lon, or the frame's origin",
+        source=name,
+    )
+
+
+def _make_zone(
+    name: str,
+    frame: LocalFrame | None,
+    anchors: Sequence[AnchorFix],
+    path_m: Float64[Array, "T 2"],
+    hull_m: Float64[Array, "H 2"],
+    reasons: tuple[str, ...] | None,
+) -> Zone:
+    """Put cones and line into the order of travel; ``reasons`` is None for a reliable result."""
+    if frame is None:
+        raise _without_place(name)
+    located = [anchor for anchor in anchors if anchor.status.has_position]
+    if len(located) < 2:
+        problem = f"a work zone's line needs at least two located cones, got {len(located)}"
+        raise InputError(problem, source=name)
+    path_m = thinned(path_m)
+    along_m = passed_at(path_m, np.array([anchor.position_m for anchor in located]))
+    line_m = stretch(path_m, float(along_m.min()), float(along_m.max()))
+    if len(line_m) < 2:
+        problem = "the drive does not pass along the cones, so the zone has no start and end"
+        raise InputError(problem, source=name)
+    order = np.argsort(along_m, kind="stable")
+    doubts = () if reasons is None else _doubts(reasons)
+    across = tuple(_across(located, line_m))
+    return Zone(
+        name=name,
+        frame=frame,
+        cones=tuple(located[k] for k in order),
+        along_m=along_m[order] - along_m.min(),
+        line_m=line_m,
+        hull_m=hull_m,
+        unlocated=tuple(anchor.anchor_id for anchor in anchors if not anchor.status.has_position),
+        reliable=reasons is None and not across,
+        doubts=(*doubts, *across),
+        reasons=(*(reasons or ()), *across),
+    )
+
+
+def _across(cones: Sequence[AnchorFix], line_m: Float64[Array, "P 2"]) -> Iterator[str]:
+    """Say in words where a drive leads past the zone's side or ends in it, not along it."""
+    position_m = np.array([cone.position_m for cone in cones])
+    apart_m = float(max(np.hypot(*(position_m - one_m).T).max() for one_m in position_m))
+    length_m = float(np.hypot(*np.diff(line_m, axis=0).T).sum())
+    if length_m < _ALONG * apart_m:
+        yield (
+            f"the drive passes all cones within {length_m:.1f} m of its way though they stand up "
+            f"to {apart_m:.1f} m apart, so their order along the road is not known"
+        )
+
+
+def _doubts(reasons: Sequence[str]) -> tuple[str, ...]:
+    if not reasons:
+        return ("the reconstruction is marked unreliable",)
+    return tuple(reason for reason in reasons if not reason.endswith(_NOT_THE_LOG))

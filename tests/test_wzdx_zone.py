@@ -1,0 +1,64 @@
+"""Zones of reconstructions, and of the files that they have left."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from factories import SITE, make_fix, make_reconstruction, make_unlocated
+from gaia_uwb.errors import InputError
+from gaia_uwb.geojson import boundary_geojson
+from gaia_uwb.report import make_report
+from gaia_uwb.wzdx import read_zone, zone_of
+from wzdx_cases import zone_pass
+
+
+def test_a_drive_across_the_zone_is_a_doubt() -> None:
+    cones = [make_fix(name, np.array([0.1 * k, 10.0 * k])) for k, name in enumerate("abc")]
+    zone = zone_of(zone_pass([[-30.0, 0.0], [30.0, 0.0]], cones))
+    assert not zone.reliable
+    assert "their order along the road is not known" in zone.doubts[0]
+
+
+def test_results_read_back_give_the_same_zone(tmp_path: Path) -> None:
+    result = make_reconstruction(changed={1: make_unlocated("cone-1")})
+    (tmp_path / "report.json").write_text(json.dumps(make_report(result)))
+    (tmp_path / "boundary.geojson").write_text(json.dumps(boundary_geojson(result)))
+    zone, read = zone_of(result), read_zone(tmp_path)
+    assert [cone.anchor_id for cone in read.cones] == [cone.anchor_id for cone in zone.cones]
+    assert read.unlocated == ("cone-1",)
+    assert read.frame == SITE
+    assert read.line_m == pytest.approx(zone.line_m, abs=1e-3)
+    for one, other in zip(read.cones, zone.cones, strict=True):
+        assert one.covariance_m2 == pytest.approx(other.covariance_m2)
+        assert (one.status, one.n_ranges) == (other.status, other.n_ranges)
+
+
+@pytest.mark.parametrize(
+    ("report", "geojson", "problem"),
+    [
+        ("{}", "{}", "not a report of this version"),
+        ("[1]", "{}", "not a report of this version"),
+        ("nonsense", "{}", "not usable JSON"),
+        (None, "{}", "expected one feature with the role 'path'"),
+        (None, '{"gaia": {"scene": "another"}}', "expected the scene 'a drive'"),
+    ],
+)
+def test_results_that_are_none(
+    tmp_path: Path, report: str | None, geojson: str, problem: str
+) -> None:
+    good = json.dumps(make_report(make_reconstruction()))
+    (tmp_path / "report.json").write_text(good if report is None else report)
+    (tmp_path / "boundary.geojson").write_text(geojson)
+    with pytest.raises(InputError, match=problem):
+        read_zone(tmp_path)
+
+
+def test_a_report_without_place_is_refused(tmp_path: Path) -> None:
+    result = make_reconstruction(frame=None)
+    (tmp_path / "report.json").write_text(json.dumps(make_report(result)))
+    with pytest.raises(InputError, match="place on Earth is unknown"):
+        read_zone(tmp_path)
