@@ -191,6 +191,9 @@ class TrainingOptions(Settings):
     """White noise added to the ranges of the training batches."""
     drop_share: float = Field(default=0.0, ge=0, lt=1)
     """Of each training episode, a share of the ranges between 0 and this is left out."""
+    outlier_share: float = Field(default=0.0, ge=0, lt=1)
+    """A share of the ranges of the training batches is replaced by any between 0 and the batch's
+    longest."""
     reverse: bool = False
     """Drive every other training episode backwards, which is a drive as well."""
     huber_delta_m: float = Field(default=1.0, gt=0)
@@ -239,6 +242,9 @@ class ModelDescription(Settings):
     domain: Domain
     sigma_m: float = Field(gt=0)
     """Root mean square range error on the validation data."""
+    plausible_correction_m: float | None = Field(default=None, gt=0)
+    """Networks with a layout: a window that is corrected farther (``corrections.py``) was taken for
+    one of another layout, and keeps its measured ranges."""
     data: dict[str, Any]
     """What it was trained on."""
     training: TrainingOptions

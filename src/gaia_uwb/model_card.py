@@ -13,6 +13,10 @@ _LIMITS = """\
 - Its standard deviation is one number, the root mean square error on validation data
   ({sigma:.3f} m); its errors within a window are alike.
 """
+_PLAUSIBLE = """\
+- A window in which it would move an anchor's ranges by {limit:.2f} m or more (99 % of the training
+  windows need less) was taken for one of another layout, and keeps its measured ranges.
+"""
 
 
 def model_card(description: ModelDescription) -> str:
@@ -41,6 +45,8 @@ def model_card(description: ModelDescription) -> str:
         seen="{} to {}".format(*domain.n_anchors),
         sigma=description.sigma_m,
     )
+    if description.plausible_correction_m is not None:
+        limits += _PLAUSIBLE.format(limit=description.plausible_correction_m)
     return f"""\
 # {description.network.kind}, trained on {description.data.get("source", "unknown data")}
 

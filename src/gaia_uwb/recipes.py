@@ -76,11 +76,10 @@ def make_recipe(network: NetworkOptions, *, simulated: bool) -> Recipe:
             patience=90,
             batch_size=32,
             layout_weight=0.3,
-            consistency_weight=0.02,
-            anchor_weight=0.03,
+            consistency_weight=0.3,
+            anchor_weight=0.1,
+            outlier_share=0.03,
         )
-        if isinstance(network, GaiaOptions):
-            network = network.model_copy(update={"dropout": 0.2})
     if not isinstance(network, GaiaOptions):
         training = per_step(training)
     return Recipe(network=network, training=training, sets=LearningSetOptions())

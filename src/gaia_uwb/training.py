@@ -30,6 +30,7 @@ from gaia_uwb.checkpoint import (
     seal,
     unpack,
 )
+from gaia_uwb.corrections import plausible_correction_m
 from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.features import make_features, make_targets
@@ -335,6 +336,12 @@ class _Run:
         self.best_loss = losses[self.best_epoch]
         return self.options.epochs if self.finished else len(self.log)
 
+    def _plausible_correction_m(self) -> float | None:
+        network = self.task.network
+        if isinstance(network, GaiaOptions) and network.layout_head:
+            return plausible_correction_m(self.task.sets.training)
+        return None
+
     def finish(self) -> ModelDescription:
         """Write the best model with all that belongs to it."""
         self.network.load_state_dict(self.best)
@@ -350,6 +357,7 @@ class _Run:
             normalisation=self.normalisation,
             domain=Domain.of(self.task.sets.training),
             sigma_m=math.sqrt(metrics["distance_mse_overall"]),
+            plausible_correction_m=self._plausible_correction_m(),
             data=self.task.sets.description,
             training=self.options,
             metrics={f"validation_{name}": round(value, 6) for name, value in metrics.items()}

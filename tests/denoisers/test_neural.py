@@ -17,6 +17,7 @@ import torch
 
 from gaia_uwb.checkpoint import DESCRIPTION, ONNX, WEIGHTS, read_description, read_weights, seal
 from gaia_uwb.config import PipelineConfig
+from gaia_uwb.corrections import largest_median_correction_m
 from gaia_uwb.denoisers import make_denoiser
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.errors import ConfigError, InputError
@@ -40,7 +41,15 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         folders[name] = tmp_path_factory.mktemp(name)
         start = base if isinstance(NETWORKS[name], GaiaOptions) else None
         train_tiny(folders[name], NETWORKS[name], sets, base=start, epochs=1)
+        allow_corrections_of(None, folders[name])
     return folders
+
+
+def allow_corrections_of(limit_m: float | None, folder: Path) -> None:
+    """Change how far a model may correct a window; ``None`` lets it do what it likes."""
+    description = read_description(folder).model_copy(update={"plausible_correction_m": limit_m})
+    sealed = seal(description, {name: (folder / name).read_bytes() for name in (ONNX, WEIGHTS)})
+    (folder / DESCRIPTION).write_text(sealed.model_dump_json(by_alias=True), encoding="utf-8")
 
 
 def denoise(folder: Path, episodes: Sequence[Episode]) -> list[DenoisedRanges]:
@@ -66,6 +75,24 @@ def test_a_window_gives_the_networks_own_output(name: str, models: dict[str, Pat
     expected_m = run_network(models[name], runs)
     for found, run, range_m in zip(denoise(models[name], runs), runs, expected_m, strict=True):
         np.testing.assert_allclose(found.range_m[run.valid], range_m[run.valid], atol=1e-4)
+
+
+def test_a_window_that_is_corrected_too_far_keeps_its_ranges(
+    models: dict[str, Path], tmp_path: Path
+) -> None:
+    shutil.copytree(models["gaia"], folder := tmp_path / "gaia")
+    runs = [make_run(seed, n_steps=WINDOW, missing=0.3) for seed in range(80, 90)]
+    networks_own = denoise(folder, runs)
+    moved_m = [
+        largest_median_correction_m(found.range_m - run.range_m, run.valid)
+        for found, run in zip(networks_own, runs, strict=True)
+    ]
+    allow_corrections_of(limit_m := float(np.median(moved_m)), folder)
+    for found, own, run, moved in zip(
+        denoise(folder, runs), networks_own, runs, moved_m, strict=True
+    ):
+        expected_m = run.range_m if moved > limit_m else own.range_m
+        np.testing.assert_allclose(found.range_m, expected_m, rtol=1e-12)
 
 
 @pytest.mark.parametrize("n_steps", [1, 2, 5, 63, 64, 65, 200])

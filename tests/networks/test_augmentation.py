@@ -48,6 +48,19 @@ def test_noise_has_its_size_in_metres_and_keeps_out_of_the_truth() -> None:
     assert (vary(batch, range_noise_m=10.0).distance >= 0).all()
 
 
+def test_wrong_ranges_are_a_share_and_anywhere_a_range_may_be() -> None:
+    batch = make_batch()
+    wrong = vary(batch, outlier_share=0.2)
+    assert same(wrong, batch) == set(Batch._fields) - {"distance"}
+    assert not wrong.distance[wrong.mask == 0].any()
+    changed = (wrong.distance != batch.distance)[batch.mask == 1]
+    assert changed.double().mean().item() == pytest.approx(0.2, abs=0.02)
+    anywhere = wrong.distance[(wrong.distance != batch.distance) & (batch.mask == 1)]
+    longest = batch.distance.max().item()
+    assert 0 <= anywhere.min().item() < 0.1 * longest
+    assert 0.9 * longest < anywhere.max().item() <= longest
+
+
 def test_left_out_ranges_are_a_share_of_each_episode_and_unseen() -> None:
     batch = make_batch()
     less = vary(batch, drop_share=0.5)

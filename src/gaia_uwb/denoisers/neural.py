@@ -1,7 +1,8 @@
 """``mlp``, ``pose-mlp`` and ``gaia``: trained networks, run by ONNX Runtime.
 
 A run is cut into windows as long as those that the network was trained on, each overlapping the
-next by half; their outputs fade into one another, so that a run of any length comes out whole.
+next by half; their outputs fade into one another, so that a run of any length comes out whole. A
+window that the network corrects beyond what is plausible keeps its measured ranges.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pydantic import Field
 
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.checkpoint import ONNX, find_model, read_description, read_file
+from gaia_uwb.corrections import largest_median_correction_m
 from gaia_uwb.denoisers._base import Denoiser, Options
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.errors import ConfigError
@@ -113,12 +115,24 @@ class Neural(Denoiser):
         )
 
     def _run(self, windows: Sequence[Episode]) -> Float64[Array, "B L N"]:
-        """Return the network's ranges in metres."""
+        """Return the network's ranges in metres, or the measured ones of a mistaken window."""
         description = self.description
         features = make_features(windows, description.n_anchors, description.normalisation)
         inputs: dict[str, Any] = dict(zip(Features._fields, features, strict=True))
         (distance,) = self._session.run(["predicted_distance"], inputs)
-        return np.asarray(distance, dtype=np.float64) * description.normalisation.scale_m
+        range_m = np.asarray(distance, dtype=np.float64) * description.normalisation.scale_m
+        for window, found_m in zip(windows, range_m, strict=True):
+            own_m = found_m[:, : window.n_anchors]
+            if self._mistaken(window, own_m):
+                own_m[window.valid] = window.range_m[window.valid]
+        return range_m
+
+    def _mistaken(self, window: Episode, range_m: Float64[Array, "L N"]) -> bool:
+        """Whether the network took a window for one of another layout."""
+        limit_m = self.description.plausible_correction_m
+        if limit_m is None:
+            return False
+        return largest_median_correction_m(range_m - window.range_m, window.valid) > limit_m
 
     def _whole(self, episode: Episode, windows: Float64[Array, "W L N"]) -> DenoisedRanges:
         """Blend an episode's windows into one series."""

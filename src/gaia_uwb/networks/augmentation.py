@@ -1,4 +1,4 @@
-"""Training episodes that nobody recorded, but might have: noise, gaps, drives backwards."""
+"""Training episodes that nobody recorded, but might have: noise, gaps, wrong ranges, drives backwards."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gaia_uwb.networks.losses import Batch
 def varied(
     batch: Batch, rng: np.random.Generator, scale_m: float, options: TrainingOptions
 ) -> Batch:
-    """Return a training batch with the noise, gaps and reversals that the options ask for.
+    """Return a training batch with the noise, gaps, wrong ranges and reversals that are asked for.
 
     Parameters
     ----------
@@ -24,7 +24,8 @@ def varied(
     scale_m
         Of the normalisation.
     options
-        ``position_noise_m``, ``range_noise_m``, ``drop_share`` and ``reverse`` are used.
+        ``position_noise_m``, ``range_noise_m``, ``drop_share``, ``outlier_share`` and ``reverse`` are
+        used.
     """
     if options.position_noise_m:
         noise = _normal(rng, batch.position, options.position_noise_m / scale_m)
@@ -37,6 +38,12 @@ def varied(
         share = options.drop_share * rng.random((len(batch.mask), 1, 1))
         kept = torch.from_numpy(rng.random(tuple(batch.mask.shape)) >= share).to(batch.mask)
         batch = batch._replace(mask=batch.mask * kept, distance=batch.distance * kept)
+    if options.outlier_share:
+        shape = tuple(batch.mask.shape)
+        wrong = torch.from_numpy(rng.random(shape) < options.outlier_share).to(batch.mask.device)
+        anywhere = torch.from_numpy(rng.random(shape)).to(batch.distance) * batch.distance.max()
+        distance = torch.where(wrong, anywhere, batch.distance) * batch.mask
+        batch = batch._replace(distance=distance)
     if options.reverse:
         back = torch.from_numpy(rng.random(len(batch.mask)) < 0.5).to(batch.mask.device)
         turned = {

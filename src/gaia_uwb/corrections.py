@@ -1,0 +1,65 @@
+"""How far the ranges of a window are corrected, and how far is plausible.
+
+A network that knows some layouts by heart may mistake one for another. Then it moves all ranges of
+an anchor together, and farther than the errors that it was trained on ever did; a few wrong ranges
+that it mends move no median. So the largest median correction of a window tells a mistaken layout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gaia_uwb._typing import Array, Bool, Float64
+from gaia_uwb.episode import Episode
+
+_LEAST_RANGES = 6  # an anchor with fewer in a window has no median to speak of
+_PLAUSIBLE_SHARE = 0.99
+
+
+def largest_median_correction_m(
+    correction_m: Float64[Array, "T N"], valid: Bool[Array, "T N"]
+) -> float:
+    """Return the largest of the anchors' median absolute corrections in a window.
+
+    Parameters
+    ----------
+    correction_m
+        Corrected minus measured ranges.
+    valid
+        Where there is a range.
+
+    Returns
+    -------
+    float
+        In metres; 0 if no anchor has enough ranges.
+
+    Examples
+    --------
+    >>> correction_m = np.array([[0.0, 1.0]] * 9 + [[50.0, 1.0]])
+    >>> largest_median_correction_m(correction_m, np.ones((10, 2), dtype=bool))
+    1.0
+    """
+    medians = [
+        np.median(np.abs(own[there]))
+        for own, there in zip(correction_m.T, valid.T, strict=True)
+        if np.count_nonzero(there) >= _LEAST_RANGES
+    ]
+    return float(max(medians, default=0.0))
+
+
+def plausible_correction_m(episodes: Sequence[Episode]) -> float:
+    """Return what 99 % of the windows need at most, so that their ranges become true.
+
+    Parameters
+    ----------
+    episodes
+        Windows with their truth, at least one.
+    """
+    needed = [
+        largest_median_correction_m(episode.truth.range_m - episode.range_m, episode.valid)
+        for episode in episodes
+        if episode.truth is not None
+    ]
+    return float(np.quantile(needed, _PLAUSIBLE_SHARE))
