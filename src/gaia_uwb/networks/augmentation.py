@@ -1,4 +1,4 @@
-"""Training episodes that nobody recorded, but might have: noise, gaps, wrong ranges, drives backwards."""
+"""Training episodes that nobody recorded, but might have: noise, gaps, wrong ranges, reversals."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def varied(
     scale_m
         Of the normalisation.
     options
-        ``position_noise_m``, ``range_noise_m``, ``drop_share``, ``outlier_share`` and ``reverse`` are
+        ``position_noise_m``, ``range_noise_m``, ``drop_share``, ``outlier_share``, ``reverse`` are
         used.
     """
     if options.position_noise_m:
