@@ -2,7 +2,8 @@
 
 A run is cut into windows as long as those that the network was trained on, each overlapping the
 next by half; their outputs fade into one another, so that a run of any length comes out whole. A
-window that the network corrects beyond what is plausible keeps its measured ranges.
+window that the network corrects beyond what is plausible gets a running median instead, which knows
+no layout.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from gaia_uwb._typing import Array, Float64
 from gaia_uwb.checkpoint import ONNX, find_model, read_description, read_file
 from gaia_uwb.corrections import largest_median_correction_m
 from gaia_uwb.denoisers._base import Denoiser, Options
+from gaia_uwb.denoisers.median import Median, MedianOptions
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.features import Features, blend, make_features, window_starts
@@ -115,16 +117,22 @@ class Neural(Denoiser):
         )
 
     def _run(self, windows: Sequence[Episode]) -> Float64[Array, "B L N"]:
-        """Return the network's ranges in metres, or the measured ones of a mistaken window."""
+        """Return the network's ranges in metres; those of mistaken windows come from a median."""
         description = self.description
         features = make_features(windows, description.n_anchors, description.normalisation)
         inputs: dict[str, Any] = dict(zip(Features._fields, features, strict=True))
         (distance,) = self._session.run(["predicted_distance"], inputs)
         range_m = np.asarray(distance, dtype=np.float64) * description.normalisation.scale_m
-        for window, found_m in zip(windows, range_m, strict=True):
-            own_m = found_m[:, : window.n_anchors]
-            if self._mistaken(window, own_m):
-                own_m[window.valid] = window.range_m[window.valid]
+        mistaken = [
+            k
+            for k, window in enumerate(windows)
+            if self._mistaken(window, range_m[k, :, : window.n_anchors])
+        ]
+        plain = Median(MedianOptions())([windows[k] for k in mistaken])
+        for k, ranges in zip(mistaken, plain, strict=True):
+            own_m = range_m[k, :, : windows[k].n_anchors]
+            own_m[windows[k].valid] = windows[k].range_m[windows[k].valid]
+            own_m[ranges.valid] = ranges.range_m[ranges.valid]
         return range_m
 
     def _mistaken(self, window: Episode, range_m: Float64[Array, "L N"]) -> bool:
