@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 OUT ?= out/run
 
-.PHONY: run test lint types layers check benchmark clean
+.PHONY: run test lint types layers check docs docs-outputs benchmark clean
 
 run: $(INSTALLED)  ## the main job on a simulated pass, made on the spot
 	$(BIN)/gaia reconstruct sim:lane-closure --out $(OUT)
@@ -25,6 +25,12 @@ layers: $(INSTALLED)  ## imports go one way
 
 check: lint types test  ## everything that CI runs
 
+docs: $(INSTALLED)  ## the site, into site/; open site/index.html
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+docs-outputs: $(INSTALLED)  ## run the pages' blocks and write their outputs anew
+	$(BIN)/python tools/page_blocks.py --update $$(grep -rl '<!-- output -->' docs)
+
 benchmark: $(INSTALLED)  ## speed and memory, side by side with SciPy
 	$(BIN)/python benchmarks/solver_speed.py
 	$(BIN)/python benchmarks/solver_scaling.py
@@ -37,4 +43,4 @@ $(INSTALLED): pyproject.toml setup.py constraints.txt src/gaia_uwb/_solver.c
 	touch $@
 
 clean:
-	rm -rf $(VENV) build out src/gaia_uwb/*.so src/*.egg-info
+	rm -rf $(VENV) build out site src/gaia_uwb/*.so src/*.egg-info

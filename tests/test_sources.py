@@ -8,7 +8,7 @@ import pytest
 from gaia_uwb.datasets.native import write_native
 from gaia_uwb.errors import InputError, SourceError
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
-from gaia_uwb.sources import check_source, load_scenes
+from gaia_uwb.sources import check_source, load_scenes, read
 
 
 def make_scene(name: str) -> Scene:
@@ -47,6 +47,8 @@ def test_a_registered_name_comes_before_a_folder(
     write_native(make_scene("mine"), Path("sim"))
     assert load_scenes("sim")[0].name != "mine"
     assert load_scenes("./sim")[0].name == "mine"
+    assert load_scenes(Path("sim"))[0].name == "mine"
+    assert read(Path("sim")).name == "mine"
 
 
 def test_a_data_set_that_is_not_here(tmp_path: Path) -> None:

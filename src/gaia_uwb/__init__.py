@@ -4,8 +4,7 @@ The names below are the public interface; each is loaded when it is first used, 
 the package (and the command line's help) costs nothing.
 
 >>> import gaia_uwb
->>> from gaia_uwb.simulate import PRESETS, simulate_pass
->>> result = gaia_uwb.reconstruct(simulate_pass(PRESETS["lane-closure"], seed=0))
+>>> result = gaia_uwb.reconstruct("sim:lane-closure")  # or the folder of a log
 >>> result.boundary.status.value
 'ok'
 """
@@ -16,17 +15,21 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gaia_uwb.alignment import align
+    from gaia_uwb.api import reconstruct
     from gaia_uwb.calibration import calibrate
     from gaia_uwb.config import PipelineConfig, load_config
+    from gaia_uwb.datasets.check import CheckReport, check_scene
     from gaia_uwb.datasets.native import read_native, write_native
     from gaia_uwb.denoisers import make_denoiser
     from gaia_uwb.episode import DenoisedRanges, Episode
     from gaia_uwb.errors import ConfigError, DownloadError, GaiaError, InputError, SourceError
     from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus
-    from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus, reconstruct
+    from gaia_uwb.geometry import make_boundary
+    from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus, prepare
     from gaia_uwb.report import write_all
     from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory, Truth
-    from gaia_uwb.sources import load_scenes
+    from gaia_uwb.sides import resolve_sides
+    from gaia_uwb.sources import load_scenes, read
 
 __version__ = "0.1.0"
 
@@ -35,6 +38,7 @@ _HOME = {
     "AnchorStatus": "estimate",
     "Boundary": "estimate",
     "BoundaryStatus": "estimate",
+    "CheckReport": "datasets.check",
     "ConfigError": "errors",
     "DenoisedRanges": "episode",
     "DownloadError": "errors",
@@ -52,11 +56,16 @@ _HOME = {
     "Truth": "scene",
     "align": "alignment",
     "calibrate": "calibration",
+    "check_scene": "datasets.check",
     "load_config": "config",
     "load_scenes": "sources",
+    "make_boundary": "geometry",
     "make_denoiser": "denoisers",
+    "prepare": "pipeline",
+    "read": "sources",
     "read_native": "datasets.native",
-    "reconstruct": "pipeline",
+    "reconstruct": "api",
+    "resolve_sides": "sides",
     "write_all": "report",
     "write_native": "datasets.native",
 }
@@ -66,6 +75,7 @@ __all__ = [
     "AnchorStatus",
     "Boundary",
     "BoundaryStatus",
+    "CheckReport",
     "ConfigError",
     "DenoisedRanges",
     "DownloadError",
@@ -83,22 +93,33 @@ __all__ = [
     "Truth",
     "align",
     "calibrate",
+    "check_scene",
     "load_config",
     "load_scenes",
+    "make_boundary",
     "make_denoiser",
+    "prepare",
+    "read",
     "read_native",
     "reconstruct",
+    "resolve_sides",
     "write_all",
     "write_native",
 ]
 
 
-def __getattr__(name: str) -> object:
-    """Load a public name when it is first used (PEP 562)."""
-    if name not in _HOME:
-        raise AttributeError(f"module 'gaia_uwb' has no attribute {name!r}")
-    from importlib import import_module
+if not TYPE_CHECKING:  # a type checker knows the names above, and that there are no others
 
-    value = getattr(import_module(f"gaia_uwb.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
+    def __getattr__(name: str) -> object:
+        """Load a public name when it is first used (PEP 562)."""
+        if name not in _HOME:
+            raise AttributeError(f"module 'gaia_uwb' has no attribute {name!r}")
+        from importlib import import_module
+
+        value = getattr(import_module(f"gaia_uwb.{_HOME[name]}"), name)
+        globals()[name] = value
+        return value
+
+    def __dir__() -> list[str]:
+        """List the public names, loaded or not, for completion in a shell or notebook."""
+        return [*__all__, "__version__"]

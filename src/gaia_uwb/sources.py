@@ -21,7 +21,43 @@ SIMULATOR = "sim"
 """Name of the simulator as a source; the part is a preset."""
 
 
-def load_scenes(source: str, *, data_dir: Path | None = None) -> list[Scene]:
+def read(source: str | Path, *, data_dir: Path | None = None) -> Scene:
+    """Read one log: whatever the command line takes as SOURCE.
+
+    Parameters
+    ----------
+    source
+        Like that of :func:`load_scenes`, but it must name one log.
+    data_dir
+        Folder that holds the data sets; by default ``GAIA_DATA_DIR``, else the user's cache.
+
+    Returns
+    -------
+    Scene
+        What the log holds.
+
+    Raises
+    ------
+    SourceError
+        Like :func:`load_scenes`, and if there are several logs: the message names them.
+    InputError, ConfigError
+        Like :func:`load_scenes`.
+
+    Examples
+    --------
+    >>> from gaia_uwb.sources import read
+    >>> read("sim:lane-closure/7").n_anchors
+    8
+    """
+    scenes = load_scenes(source, data_dir=data_dir)
+    if len(scenes) > 1:
+        names = ", ".join(scene.name for scene in scenes[:5])
+        more = f" and {len(scenes) - 5} more" if len(scenes) > 5 else ""
+        raise SourceError(f"{source}: holds {len(scenes)} logs, so name one of {names}{more}")
+    return scenes[0]
+
+
+def load_scenes(source: str | Path, *, data_dir: Path | None = None) -> list[Scene]:
     """Load the scenes that a source names.
 
     Parameters
@@ -29,7 +65,7 @@ def load_scenes(source: str, *, data_dir: Path | None = None) -> list[Scene]:
     source
         A log (a folder in GAIA's own format, a folder with a ``gaia.yaml``, a ROS 2 folder, a
         ``.bag`` or ``.mcap`` file) or a folder of logs; or the name of a data set or the simulator,
-        and a part of it after a colon.
+        and a part of it after a colon. A ``Path`` is never taken for a name.
     data_dir
         Folder that holds the data sets, see :func:`gaia_uwb.datasets.fetch.data_folder`.
 
@@ -54,6 +90,8 @@ def load_scenes(source: str, *, data_dir: Path | None = None) -> list[Scene]:
     Traceback (most recent call last):
     gaia_uwb.errors.SourceError: no-such-place: neither a folder nor one of outdoor-uwb, sim
     """
+    if isinstance(source, Path):
+        return [_read_log(path)[0] for path in _logs(str(source))]
     name, _, part = source.partition(":")
     if name == SIMULATOR:
         from gaia_uwb.simulate import load

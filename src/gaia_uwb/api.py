@@ -1,0 +1,64 @@
+"""The library's front door: a reconstruction from whatever names a log.
+
+>>> from gaia_uwb.api import reconstruct
+>>> result = reconstruct("sim:lane-closure")
+>>> [anchor.status.value for anchor in result.anchors[:3]]
+['ok', 'ok', 'ok']
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gaia_uwb import pipeline
+from gaia_uwb.config import PipelineConfig
+from gaia_uwb.pipeline import Reconstruction
+from gaia_uwb.scene import Scene
+from gaia_uwb.sources import read
+
+
+def reconstruct(
+    log: Scene | str | Path,
+    config: PipelineConfig = PipelineConfig(),
+    *,
+    data_dir: Path | None = None,
+) -> Reconstruction:
+    """Reconstruct a work zone from the log of one drive.
+
+    Parameters
+    ----------
+    log
+        A :class:`Scene`, or what :func:`read` takes: the place of a log, the name of a part of a
+        data set, or a simulated pass such as ``"sim:lane-closure"``. Its truth is not looked at.
+    config
+        All settings.
+    data_dir
+        Folder that holds the data sets; by default ``GAIA_DATA_DIR``, else the user's cache.
+
+    Returns
+    -------
+    Reconstruction
+        Ranges, anchors and boundary; positions are east and north in metres in the log's local
+        frame. ``status`` says whether the boundary can be relied upon, and ``reasons`` why not.
+
+    Raises
+    ------
+    SourceError
+        If there is no such log, or several.
+    InputError
+        If the log is wrong (the message names the file and the row), the clocks do not overlap, or
+        no range is usable.
+    ConfigError
+        If a ``gaia.yaml`` is wrong or the denoiser's name is unknown.
+
+    Examples
+    --------
+    >>> import gaia_uwb
+    >>> result = gaia_uwb.reconstruct("sim:straight")
+    >>> result.status.value
+    'unreliable'
+    >>> print(result.anchors[0].status.message)
+    located, but the mirror image beside the path fits nearly as well
+    """
+    scene = log if isinstance(log, Scene) else read(log, data_dir=data_dir)
+    return pipeline.reconstruct(scene, config)
