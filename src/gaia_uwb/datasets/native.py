@@ -82,7 +82,7 @@ def is_native(folder: Path) -> bool:
     return any((folder / f"trajectory{suffix}").is_file() for suffix in _SUFFIXES)
 
 
-def read_native(folder: Path) -> Scene:
+def read_native(folder: str | Path) -> Scene:
     """Read a scene in GAIA's own format.
 
     Parameters
@@ -98,7 +98,7 @@ def read_native(folder: Path) -> Scene:
         If a table is missing, or a file does not hold what it must hold: the message names the
         file, the row and the column.
     """
-    return read_with_notes(folder)[0]
+    return read_with_notes(Path(folder))[0]
 
 
 def read_with_notes(folder: Path) -> tuple[Scene, tuple[str, ...]]:
@@ -144,7 +144,7 @@ def read_with_notes(folder: Path) -> tuple[Scene, tuple[str, ...]]:
 
 
 def write_native(
-    scene: Scene, folder: Path, file_format: Literal["csv", "parquet"] = "csv"
+    scene: Scene, folder: str | Path, file_format: Literal["csv", "parquet"] = "csv"
 ) -> None:
     """Write a scene in GAIA's own format; :func:`read_native` gives back an equal one.
 
@@ -173,11 +173,12 @@ def write_native(
     >>> drive = Trajectory(np.array([0.0, 1.0]), np.array([[0.0, 0.0], [10.0, 0.5]]))
     >>> log = RangeLog(np.array([0.2]), np.array([0]), np.array([12.5]))
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_native(Scene("pass", drive, log, ("cone-1",)), Path(folder))
+    ...     write_native(Scene("pass", drive, log, ("cone-1",)), folder)
     ...     print((Path(folder) / "ranges.csv").read_text(), end="")
     t_s,anchor_id,range_m
     0.2,cone-1,12.5
     """
+    folder = Path(folder)
     new = folder / f".{os.getpid()}.partial"
     try:
         new.mkdir(parents=True)
