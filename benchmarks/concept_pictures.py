@@ -16,10 +16,11 @@ mpl.use("Agg")
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from scipy.optimize import least_squares
 
 from gaia_uwb import PipelineConfig, Scene, read, reconstruct
-from gaia_uwb._typing import Float64
+from gaia_uwb._typing import Array, Float64
 from gaia_uwb.config import AlignmentConfig
 from gaia_uwb.plots import figure_png, plot_reconstruction
 from gaia_uwb.readings import fit_anchors, gather_readings
@@ -65,9 +66,7 @@ def draw_mirror_side() -> Figure:
         for each in (axes, near):
             for k, style in zip((15, 92, 170), ("-", "--", ":"), strict=True):
                 range_m = float(np.hypot(*(CONE_M - path_m[k])))
-                each.add_patch(
-                    plt.Circle(path_m[k], range_m, fill=False, ec=BLUE, lw=1.4, ls=style)
-                )
+                each.add_patch(Circle(path_m[k], range_m, fill=False, ec=BLUE, lw=1.4, ls=style))
                 each.plot(*path_m[k], "o", color=INK, ms=5)
             each.plot(*CONE_M, "^", color=RED, ms=12, label="cone", zorder=5)
             each.plot(*mirror_m, "v", mfc="none", mec=RED, mew=1.8, ms=12, label="mirror image")
