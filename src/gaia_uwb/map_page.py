@@ -1,34 +1,104 @@
 """The reconstruction as one HTML file: an interactive map that needs no network and no server.
 
-The page is ``assets/map_page.html`` with the data put in. It draws the features of ``geojson.py``
-in local metres and shows the report beside them. Its content security policy forbids it to load
-anything from anywhere.
+The page is put together from ``assets/map_page.html``, its style and its scripts, with the data in
+between. It draws the features of ``geojson.py`` in local metres, the ranges over time, and shows
+the report beside them. Its content security policy forbids it to load anything from anywhere and
+to run any script but its own, which it knows by their hash: even a text that got past the escaping
+would stay a text.
 """
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
 
-_TEMPLATE = Path(__file__).parent / "assets" / "map_page.html"
-_PLACE = "{{DATA}}"
+import numpy as np
+
+from gaia_uwb._typing import Array, Float64
+from gaia_uwb.estimate import AnchorStatus
+from gaia_uwb.pipeline import Reconstruction
+from gaia_uwb.residuals import range_residual_m
+
+_ASSETS = Path(__file__).parent / "assets"
+_SCRIPTS = ("map_data", "map_drawing", "map_view", "map_time", "map_measure", "map_panel")
+_MOST_STEPS = 4000  # of the timeline in the page: more than a slider has pixels for
+_MOST_RANGES = 60_000  # in the page, which keeps it below a megabyte
 
 
-def map_page(features: Mapping[str, object], report: Mapping[str, object]) -> str:
+def map_page(
+    reconstruction: Reconstruction, features: Mapping[str, object], report: Mapping[str, object]
+) -> str:
     """Return a self-contained HTML page.
 
     Parameters
     ----------
+    reconstruction
+        What to show; its ranges are thinned where there are very many.
     features
-        :func:`gaia_uwb.geojson.boundary_geojson` in local metres.
+        :func:`gaia_uwb.geojson.boundary_geojson` of it in local metres.
     report
-        The content of ``report.json``.
+        The content of its ``report.json``.
     """
-    data = {"features": features, "report": report}
+    data = {
+        "features": features,
+        "report": report,
+        "timeline": _timeline(reconstruction),
+        "messages": {status.value: status.message for status in AnchorStatus},
+    }
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     # An anchor's id may hold anything, "</script>" included. All that could end the script element
     # or open a comment in it is escaped; json.dumps has escaped everything that is not ASCII.
     for character in "<>&":
         text = text.replace(character, f"\\u{ord(character):04x}")
-    return _TEMPLATE.read_text(encoding="utf-8").replace(_PLACE, text)
+    style = _asset("map_page.css")
+    script = "".join(_asset(f"{name}.js") for name in _SCRIPTS)
+    page = _asset("map_page.html")
+    for place, content in (
+        ("{{STYLE_HASH}}", _hash(style)),
+        ("{{SCRIPT_HASH}}", _hash(script)),
+        ("{{STYLE}}", style),
+        ("{{SCRIPT}}", script),
+        ("{{DATA}}", text),  # last, so that no place is looked for in it
+    ):
+        page = page.replace(place, content)
+    return page
+
+
+def _asset(name: str) -> str:
+    return (_ASSETS / name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    """Return the name by which a content security policy knows an inline element."""
+    digest = hashlib.sha256(text.encode()).digest()
+    return f"sha256-{base64.b64encode(digest).decode()}"
+
+
+def _timeline(reconstruction: Reconstruction) -> dict[str, object]:
+    """Return path and ranges over time, each range as whole centimetres and per anchor.
+
+    Places are relative to the first one of the path, like everything that a browser draws.
+    """
+    episode, denoised = reconstruction.episode, reconstruction.denoised
+    most = max(min(_MOST_STEPS, _MOST_RANGES // episode.n_anchors), 2)
+    every = slice(None, None, -(-episode.n_steps // most))
+    local_m = (episode.position_m - episode.position_m[0])[every]
+    return {
+        "t_s": (episode.t_s - episode.t_s[0])[every].round(2).tolist(),
+        "east_m": local_m[:, 0].round(2).tolist(),
+        "north_m": local_m[:, 1].round(2).tolist(),
+        "range_cm": _centimetres(episode.range_m[every]),
+        "denoised_cm": _centimetres(denoised.range_m[every]),
+        "residual_cm": _centimetres(range_residual_m(episode, reconstruction.anchors)[every]),
+    }
+
+
+def _centimetres(values_m: Float64[Array, "T N"]) -> list[list[int | None]]:
+    """Return whole centimetres, one list per anchor; None where there is no number."""
+    known = np.isfinite(values_m)
+    whole = np.where(known, np.round(values_m * 100.0), 0.0).astype(np.int64)
+    rows = zip(whole.T.tolist(), known.T.tolist(), strict=True)
+    return [[v if k else None for v, k in zip(*row, strict=True)] for row in rows]

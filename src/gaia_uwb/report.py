@@ -118,7 +118,7 @@ def write_all(
     """
     output = OutputFolder(folder)
     report = make_report(reconstruction, metrics)
-    page = map_page(boundary_geojson(reconstruction, local=True), report)
+    page = map_page(reconstruction, boundary_geojson(reconstruction, local=True), report)
     png = figure_png(plot_reconstruction(reconstruction))
     features = json.dumps(boundary_geojson(reconstruction), ensure_ascii=False, allow_nan=False)
     settings = f"# gaia-uwb {report['version']}\n{dump_config(reconstruction.config)}"

@@ -1,0 +1,178 @@
+// ---- the column beside the map --------------------------------------------------------------
+const LEGEND = {
+  mirror: "other possible place of such a cone",
+  ellipse: "holds the cone with 90 % probability", boundary: "work zone (around all cones)",
+  outline: "line through all cones", inner: "inside with 90 % probability",
+  outer: "not beyond this, with 90 % probability",
+};
+
+function select(id) {
+  chosen.id = id;
+  for (const place of places) place.group.classList.toggle("chosen", place.id === id);
+  for (const button of byId("cones").children)
+    button.setAttribute("aria-pressed", button.dataset.index === String(order.indexOf(id)));
+  fit.shown = id === null || !cones.has(id) ? fit.all : misfits(id);
+  describe(id);
+  explainPath(id);
+  paintPath();
+  drawSpark();
+  redraw();
+}
+
+function describe(id) {
+  const details = byId("details");
+  details.replaceChildren();
+  if (id === null) {
+    html("small", "Choose a cone on the map or from the list.", details);
+    return;
+  }
+  const anchor = anchors.get(id), cone = cones.get(id);
+  const rows = [["cone", id], ["state", messages[anchor.status]], ["ranges", anchor.n_ranges]];
+  if (cone) {
+    rows.push(["east", metres(anchor.east_m)], ["north", metres(anchor.north_m)]);
+    if (known(anchor.lat))
+      rows.push(["lat, lon", `${anchor.lat.toFixed(7)}, ${anchor.lon.toFixed(7)}`]);
+    rows.push([`sure to ${NINETY}`, known(cone.ellipse_semi_major_m)
+      ? `± ${metres(cone.ellipse_semi_major_m)}, across ± ${metres(cone.ellipse_semi_minor_m)}`
+      : "unknown"]);
+    if (mirrors.has(id))
+      rows.push(["other place", `${percent(anchor.mirror_probability)} likely`]);
+    const own = timeline.residual_cm[order.indexOf(id)].filter(known).map(Math.abs);
+    if (own.length) {
+      own.sort((a, b) => a - b);
+      rows.push(["usual misfit", metres(own[Math.floor(own.length / 2)] / 100)]);
+    }
+  }
+  const list = html("dl", "", details);
+  for (const [name, value] of rows) {
+    html("dt", name, list);
+    html("dd", value, list, name === "cone" ? "name" : "");
+  }
+}
+
+function centre(id) {
+  select(id);
+  const cone = cones.get(id);
+  if (!cone) return;
+  [view.east, view.north] = cone.points[0];
+  redraw();
+}
+
+function listCones() {
+  report.anchors.forEach((anchor, index) => {
+    const button = html("button", "", byId("cones"));
+    button.dataset.index = index;
+    button.setAttribute("aria-pressed", "false");
+    const swatch = svg("svg", { width: 20, height: 20, viewBox: "-10 -10 20 20",
+                                "aria-hidden": "true" }, button);
+    if (cones.has(anchor.id))
+      svg("path", { class: `mark cone${warned(anchor.status)}`,
+                    d: markPath("cone", anchor.status) }, swatch);
+    html("span", anchor.id, button, "name");
+    const good = anchor.status === "ok";
+    html("span", good ? sureness(anchor.id) : STATUS[anchor.status] ?? anchor.status, button,
+         `value${good ? "" : " warn"}`);
+    button.title = anchor.id;
+    button.addEventListener("click", () => centre(anchor.id));
+  });
+}
+
+function swatchOf(role, parent, status = "ok") {
+  const swatch = svg("svg", { width: 34, height: 22, "aria-hidden": "true" }, parent);
+  if (role === "cone" || role === "mirror")
+    svg("path", { class: `mark ${role}${warned(status)}`, d: markPath(role, status),
+                  transform: "translate(17 11)" }, swatch);
+  else if (role === "outline" || role === "inner" || role === "outer")
+    svg("line", { class: role, x1: 2, x2: 32, y1: 11, y2: 11 }, swatch);
+  else if (role === "ellipse")
+    svg("ellipse", { class: role, cx: 17, cy: 11, rx: 14, ry: 8 }, swatch);
+  else if (role === "boundary") svg("rect", { class: role, x: 2, y: 3, width: 30, height: 16 }, swatch);
+  else svg("path", { class: role, d: "M3 11H31" }, swatch);
+}
+
+function listLegend() {
+  const rows = [["cone", "cone", "ok"]];
+  for (const status of ["ambiguous", "ill-conditioned", "not-converged"])
+    if ([...cones.values()].some((cone) => cone.status === status))
+      rows.push(["cone", `cone: ${STATUS[status]}`, status]);
+  rows.push(...Object.entries(LEGEND));
+  const roles = new Set(all.map((feature) => areaClass(feature.role)));
+  for (const [role, text, status] of rows) {
+    if (!roles.has(role)) continue;
+    const row = html("div", "", byId("legend"));
+    swatchOf(role, row, status);
+    html("span", text, row);
+  }
+}
+
+// What the path's colours mean; in words as well as in width.
+function explainPath(id) {
+  byId("path-title").textContent = id === null || !cones.has(id)
+    ? "Path: misfit of all ranges" : `Path: misfit of the ranges to ${id}`;
+  const rows = byId("path-legend"), unit = fit.width;
+  rows.replaceChildren();
+  const size = (cm) => Math.round(cm * 10) / 10;
+  for (let k = 0; k < 5; k += 1) {
+    const row = html("div", "", rows);
+    swatchOf(CLASSES[k + 1], row);
+    html("span", k < 4 ? `${size(k * unit)} to ${size((k + 1) * unit)} cm`
+                       : `more than ${size(4 * unit)} cm`, row);
+  }
+  const row = html("div", "", rows);
+  swatchOf("none", row);
+  html("span", "no range", row);
+  html("small", "Misfit: measured range minus the distance to the place that was found.", rows);
+}
+
+function tellStatus() {
+  document.title = `GAIA: ${report.scene}`;
+  byId("scene").textContent = report.scene;
+  const good = report.status === "ok", { boundary } = report;
+  html("span", good ? "✓ reliable" : "! check before use", byId("status"), `chip${good ? "" : " warn"}`);
+  const area = boundary.status === "ok" ? `the zone covers ${squareMetres(boundary.area_m2)}`
+    : boundary.status === "collinear" ? "all cones in one line: no area"
+      : "too few cones for a boundary";
+  html("span", ` ${cones.size} of ${order.length} cones located, ${area}.`, byId("status"));
+  for (const reason of report.reasons) html("li", reason, byId("reasons"));
+  byId("note").textContent = report.uncertainty_note;
+  byId("version").textContent = `gaia-uwb ${report.version}`;
+}
+
+// ---- light and dark: as the system has it, until the reader says otherwise ------------------
+const darkness = matchMedia("(prefers-color-scheme: dark)");
+
+function setTheme(dark) {
+  document.documentElement.dataset.theme = dark ? "dark" : "light";
+  drawSpark();
+}
+
+darkness.addEventListener("change", (event) => setTheme(event.matches));
+byId("theme").addEventListener("click",
+  () => setTheme(document.documentElement.dataset.theme !== "dark"));
+byId("fold").addEventListener("click", () => {
+  const hide = !byId("panel").hidden;
+  byId("panel").hidden = hide;
+  byId("fold").setAttribute("aria-expanded", !hide);
+  draw();
+  drawSpark();
+});
+byId("zone").addEventListener("click", showZone);
+byId("drive").addEventListener("click", showDrive);
+byId("closer").addEventListener("click", () => zoom(1.4));
+byId("farther").addEventListener("click", () => zoom(1 / 1.4));
+addEventListener("resize", () => {
+  redraw();
+  drawSpark();
+});
+
+// ---- start ----------------------------------------------------------------------------------
+setTheme(darkness.matches);
+slider.max = Math.max(steps - 1, 0);
+byId("clock").textContent = steps ? `0.0 / ${timeline.t_s[steps - 1].toFixed(1)} s` : "";
+drawAreas();
+drawPlaces();
+tellStatus();
+listCones();
+listLegend();
+select(null);
+showZone();
