@@ -193,18 +193,29 @@ def test_inner_and_outer_outline_are_drawn_where_they_are_known(
 ) -> None:
     reconstruction = make_reconstruction()
     features: Any = boundary_geojson(reconstruction, local=True)
-    for role, size in (("outline-inner", 0.9), ("outline-outer", 1.1)):
+    rings = {}
+    for size in (0.9, 1.1, 0.2):
         ring_m = (SQUARE_M - SQUARE_M.mean(axis=0)) * size + SQUARE_M.mean(axis=0)
-        ring = [*ring_m.tolist(), ring_m[0].tolist()]
-        features["features"].insert(
-            1,
-            {"geometry": {"type": "Polygon", "coordinates": [ring]}, "properties": {"role": role}},
-        )
+        rings[size] = [*ring_m.tolist(), ring_m[0].tolist()]
+    across = [[e, n - 12.0] for e, n in rings[0.9]]
+    areas = {
+        "inner": {"type": "Polygon", "coordinates": [rings[0.9], rings[0.2]]},
+        "outer": {"type": "MultiPolygon", "coordinates": [[rings[1.1]], [across]]},
+        "inner-most": {"type": "MultiPolygon", "coordinates": []},
+        "outer-most": None,
+    }
+    for role, geometry in areas.items():
+        features["features"].insert(1, {"geometry": geometry, "properties": {"role": role}})
     page = tmp_path / "outlines.html"
     page.write_text(map_page(reconstruction, features, make_report(reconstruction)), "utf-8")
     show(chromium, page)
-    assert chromium.evaluate("document.querySelectorAll('#map .inner, #map .outer').length") == 2
-    assert "inside with 90 % probability" in texts(chromium, "#legend div")
+    pieces = "[...document.querySelectorAll('#map .%s')].map((p) => p.getAttribute('d').split('z'))"
+    for role in ("inner", "outer"):
+        (drawn,) = chromium.evaluate(pieces % role)
+        assert len(drawn) == 3  # two rings each, and what follows the last z
+    legend = texts(chromium, "#legend div")
+    assert "all of this is work zone (90 %)" in legend
+    assert "no work zone beyond this (90 %)" in legend
     picture(chromium, "outlines")
 
 

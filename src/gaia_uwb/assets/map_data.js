@@ -3,11 +3,14 @@
 // Text from the data enters the page through textContent and setAttribute only.
 const { features, report, timeline, messages } = JSON.parse(byId("data").textContent);
 const map = byId("map");
-const all = features.features.map(({ properties, geometry }) => ({
-  ...properties,
-  points: { Point: (c) => [c], LineString: (c) => c, Polygon: (c) => c[0] }[geometry.type](
-    geometry.coordinates),
-}));
+const RINGS = {  // of a geometry: lists of points; an area may have holes and several pieces
+  Point: (c) => [[c]], LineString: (c) => [c], Polygon: (c) => c, MultiPolygon: (c) => c.flat(),
+};
+const all = features.features.filter(({ geometry }) => geometry)
+  .map(({ properties, geometry: { type, coordinates } }) => {
+    const rings = RINGS[type](coordinates);
+    return { ...properties, rings, points: rings.flat() };
+  });
 const cones = new Map(all.filter((f) => f.role === "cone").map((cone) => [cone.id, cone]));
 const mirrors = new Map(all.filter((f) => f.role === "mirror").map((cone) => [cone.id, cone]));
 const order = report.anchors.map((anchor) => anchor.id);

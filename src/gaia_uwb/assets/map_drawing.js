@@ -22,9 +22,11 @@ function areaClass(role) {
 function drawAreas() {
   for (const feature of all) {
     if (feature.points.length < 2 || feature.role === "path") continue;
-    const points = feature.points.map(([e, n]) => `${e - origin[0]},${n - origin[1]}`).join(" ");
+    const corner = ([e, n]) => `${(e - origin[0]).toFixed(4)} ${(n - origin[1]).toFixed(4)}`;
+    const d = feature.rings.map((ring) => `M${ring.map(corner).join("L")}z`).join("");
     const layer = feature.role === "ellipse" ? ellipses : areas;
-    svg("polygon", { class: areaClass(feature.role) + warned(feature.status), points }, layer);
+    svg("path", { class: areaClass(feature.role) + warned(feature.status), d,
+                  "fill-rule": "evenodd" }, layer);
   }
 }
 
@@ -51,7 +53,7 @@ function spoken(feature) {
 
 function drawPlaces() {
   for (const feature of all) {
-    if (feature.points.length > 1) continue;
+    if (feature.points.length !== 1) continue;
     const [east, north] = feature.points[0];
     const group = svg("g", {
       class: `place ${feature.role}${warned(feature.status)}`, role: "button",

@@ -2,8 +2,8 @@
 const LEGEND = {
   mirror: "other possible place of such a cone",
   ellipse: "holds the cone with 90 % probability", boundary: "work zone (around all cones)",
-  outline: "line through all cones", inner: "inside with 90 % probability",
-  outer: "not beyond this, with 90 % probability",
+  outline: "line through all cones", inner: "all of this is work zone (90 %)",
+  outer: "no work zone beyond this (90 %)",
 };
 
 function select(id) {
