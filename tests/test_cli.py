@@ -23,6 +23,7 @@ FILES = (
     "ranges.parquet",
     "boundary.geojson",
     "plot.png",
+    "report.md",
     "map.html",
     "config.yaml",
 )

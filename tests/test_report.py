@@ -22,7 +22,7 @@ from gaia_uwb.report import UNCERTAINTY_NOTE, make_report, write_all
 
 FILES = [
     "anchors.csv", "boundary.geojson", "config.yaml", "map.html", "plot.png", "ranges.parquet",
-    "report.json",
+    "report.json", "report.md",
 ]  # fmt: skip
 
 

@@ -94,6 +94,7 @@ def reconstruct(
     solver: SolverOption = None,
     config: ConfigOption = None,
     data_dir: DataDirOption = None,
+    svg: Annotated[bool, typer.Option("--svg", help="Write plot.svg beside plot.png.")] = False,
 ) -> None:
     """Locate the cones and draw the boundary from the log of a drive."""
     from gaia_uwb.evaluate import reconstruct_and_score
@@ -111,7 +112,7 @@ def reconstruct(
         runs = list(zip(scenes, folders, strict=True))
         for scene, folder in track(progress, runs, "reconstruct"):
             result, metrics = reconstruct_and_score(scene, settings)
-            paths = write_all(result, folder, metrics)
+            paths = write_all(result, folder, metrics, svg=svg)
             reliable &= result.status is ReconstructionStatus.OK
             print_summary(progress, result, metrics, paths)
     if not reliable:

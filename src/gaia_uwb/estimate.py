@@ -37,6 +37,8 @@ class AnchorStatus(StrEnum):
         return self is not AnchorStatus.TOO_FEW_RANGES
 
 
+_CHI_SQUARE_90 = 2.0 * np.log(10.0)  # 90 % quantile with two degrees of freedom
+
 _MESSAGES = {
     AnchorStatus.OK: "located",
     AnchorStatus.AMBIGUOUS: "located, but the mirror image beside the path fits nearly as well",
@@ -100,6 +102,15 @@ class AnchorFix:
                 f"anchor {self.anchor_id!r}: expected a probability, got {self.mirror_probability}",
                 column="mirror_probability",
             )
+
+    @property
+    def semi_axes_90_m(self) -> tuple[float, float]:
+        """The longer and the shorter semi-axis of the 90 % ellipse, in metres; NaN if unknown."""
+        if not np.isfinite(self.covariance_m2).all():
+            return np.nan, np.nan
+        variance_m2 = np.maximum(np.linalg.eigvalsh(self.covariance_m2), 0.0)
+        shorter_m, longer_m = np.sqrt(_CHI_SQUARE_90 * variance_m2)
+        return float(longer_m), float(shorter_m)
 
 
 class BoundaryStatus(StrEnum):

@@ -7,6 +7,7 @@ Anchors that share a colour share their artists: a thousand anchors cost as few 
 from __future__ import annotations
 
 import io
+import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ _DPI = 110
 _MOST_RANGES = 100_000  # more dots than this the picture has no pixels for
 _MOST_NAMES = 12
 _CHI_SQUARE_90 = 2.0 * np.log(10.0)  # 90 % quantile with two degrees of freedom
+_NO_XML = re.compile("[^\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _NAME_POINTS = 8.5  # font size of the cones' names
 
 
@@ -94,6 +96,24 @@ def figure_png(figure: Figure) -> bytes:
         # Little compression: the encoder takes half the time for a file a fifth larger.
         figure.savefig(buffer, format="png", dpi=_DPI, pil_kwargs={"compress_level": 2})
     return buffer.getvalue()
+
+
+def figure_svg(figure: Figure) -> str:
+    """Return a figure as the text of an SVG file: lines and letters to scale and to edit.
+
+    Parameters
+    ----------
+    figure
+        What :func:`plot_reconstruction` returned.
+    """
+    import matplotlib as mpl
+
+    buffer = io.StringIO()
+    with warnings.catch_warnings(), mpl.rc_context({"svg.hashsalt": "gaia"}):
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        figure.savefig(buffer, format="svg", dpi=1.5 * _DPI, metadata={"Date": None})
+    # A name is in it as a comment, and may hold what no XML may.
+    return _NO_XML.sub("", buffer.getvalue())
 
 
 @dataclass(frozen=True)
@@ -218,6 +238,7 @@ def _draw_ranges(figure: Figure, reconstruction: Reconstruction) -> None:
     raw_m, clean_m = episode.range_m[every], reconstruction.denoised.range_m[every]
     change_m, bound_m = _bounded(raw_m - clean_m)
     dots: dict[str, Any] = {"ls": "", "marker": ".", "ms": 3.5, "mew": 0, "alpha": 0.5}
+    dots["rasterized"] = True  # in an SVG: tens of thousands of them are no drawing to edit
     for first, colour in enumerate(_COLOURS[: episode.n_anchors]):
         same = slice(first, None, len(_COLOURS))
         time_s = np.tile(t_s, raw_m[:, same].shape[1])

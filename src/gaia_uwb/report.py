@@ -7,7 +7,9 @@ file                 what it holds
 ``ranges.parquet``   one row per step and anchor with a range: before and after denoising
 ``boundary.geojson`` boundary, cones and ellipses for a GIS (``geojson.py``)
 ``plot.png``         the site from above and the ranges over time (``plots.py``)
+``plot.svg``         the same to scale and to edit; only where it is asked for
 ``map.html``         an interactive map that needs no network (``map_page.py``)
+``report.md``        the result in plain words: how sure, what limits it (``people_report.py``)
 ``config.yaml``      every setting, read back by ``gaia reconstruct --config``
 ``report.json``      the result for programs; written last, so where it is new, all files are
 ===================  ========================================================================
@@ -36,8 +38,9 @@ from gaia_uwb.files import OutputFolder
 from gaia_uwb.geojson import Json, boundary_geojson, lon_lat
 from gaia_uwb.map_page import map_page
 from gaia_uwb.metrics import Metric
+from gaia_uwb.people_report import people_report
 from gaia_uwb.pipeline import Reconstruction
-from gaia_uwb.plots import figure_png, plot_reconstruction
+from gaia_uwb.plots import figure_png, figure_svg, plot_reconstruction
 
 SCHEMA = 1
 
@@ -96,7 +99,11 @@ def make_report(
 
 
 def write_all(
-    reconstruction: Reconstruction, folder: Path, metrics: Mapping[str, Metric] | None = None
+    reconstruction: Reconstruction,
+    folder: Path,
+    metrics: Mapping[str, Metric] | None = None,
+    *,
+    svg: bool = False,
 ) -> list[Path]:
     """Write all result files (see the module's table) and return their paths.
 
@@ -110,6 +117,8 @@ def write_all(
         all files belong to it.
     metrics
         Scores against a known truth, by name.
+    svg
+        Write ``plot.svg`` too, which takes as long as ``plot.png`` does.
 
     Raises
     ------
@@ -119,17 +128,23 @@ def write_all(
     output = OutputFolder(folder)
     report = make_report(reconstruction, metrics)
     page = map_page(reconstruction, boundary_geojson(reconstruction, local=True), report)
-    png = figure_png(plot_reconstruction(reconstruction))
+    figure = plot_reconstruction(reconstruction)
+    plots = {"plot.png": figure_png(figure)}
+    if svg:
+        plots["plot.svg"] = figure_svg(figure).encode()
     features = json.dumps(boundary_geojson(reconstruction), ensure_ascii=False, allow_nan=False)
     settings = f"# gaia-uwb {report['version']}\n{dump_config(reconstruction.config)}"
+    words = people_report(reconstruction)
     output.remove("report.json")
+    output.remove("plot.svg")  # of an earlier run that was asked for it
     return [
         output.write("anchors.csv", lambda path: _write_anchors(reconstruction, path)),
         output.write("ranges.parquet", lambda path: _write_ranges(reconstruction, path)),
         output.write_text("boundary.geojson", features),
-        output.write_bytes("plot.png", png),
+        *(output.write_bytes(name, content) for name, content in plots.items()),
         output.write_text("map.html", page),
         output.write_text("config.yaml", settings),
+        output.write_text("report.md", words),
         output.write_text(
             "report.json", json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
         ),

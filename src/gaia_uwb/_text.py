@@ -1,0 +1,49 @@
+r"""Text from a log (names, ids) on its way into a file that gives some characters a meaning.
+
+>>> print(printable("A\u202eB"), in_markdown("*1* <b>"), in_html("<b>"))
+A\u202eB \*1\* \<b\> &lt;b&gt;
+"""
+
+from __future__ import annotations
+
+import html
+import re
+
+# What CommonMark, GitHub's tables, automatic links, mentions, mathematics and smileys act on.
+_MARKS = re.compile(r"([\\`*_{}\[\]()<>#!|&~$@])")
+_LINKS = re.compile(r"(?i)(https?|ftp|mailto|xmpp):|\b(www)\.|:(?=[\w+-]+:)")
+
+
+def printable(text: str) -> str:
+    """Return text on one line, with what steers a screen or turns its order written out.
+
+    Parameters
+    ----------
+    text
+        Any.
+    """
+    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in " ".join(text.split()))
+    return shown or "(no name)"
+
+
+def in_markdown(text: str) -> str:
+    """Return Markdown that shows a text and does nothing else, within a line or a table's cell.
+
+    Parameters
+    ----------
+    text
+        Any.
+    """
+    escaped = _MARKS.sub(r"\\\1", printable(text))
+    return _LINKS.sub(lambda found: f"{found[0][:-1]}\\{found[0][-1]}", escaped)
+
+
+def in_html(text: str) -> str:
+    """Return HTML that shows a text and does nothing else, within an element or an attribute.
+
+    Parameters
+    ----------
+    text
+        Any.
+    """
+    return html.escape(printable(text))

@@ -1,0 +1,43 @@
+"""What a driver or an operator can do for a better result."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Advice(StrEnum):
+    """One thing to do; the order is that in which a report names them."""
+
+    CHECK_LOG = (
+        "Check the log first: the unit of the ranges, the ids of the cones, the heights, and that "
+        "both clocks belong to the same drive."
+    )
+    SECOND_DRIVE = (
+        "Drive past a second time in another lane, or along the other side of the work zone: "
+        "ranges from two lines tell the sides apart and fix the cones in both directions."
+    )
+    WEAVE = (
+        "Where a second pass is not possible, change the lane or weave once while passing: a path "
+        "that bends tells left from right."
+    )
+    SURVEY = (
+        "Survey one of these cones, or note on which side of the road it stands, and compare it "
+        "with the map: it shows both places."
+    )
+    BOTH_WAYS = (
+        "Drive past once in each direction: a difference of the clocks moves the cones forwards "
+        "on one way and backwards on the other, so it shows."
+    )
+    ONE_CLOCK = (
+        "Better still, stamp positions and ranges by one clock, such as that of the GNSS receiver."
+    )
+    LONGER = "Record more of the drive: start well before the first cone and end after the last."
+    SLOWER = "Drive slower past the cones: at half the speed there are twice as many ranges."
+    CHECK_RADIOS = "Check these cones' radios: battery, id, and whether they stand upright."
+    LINE_OF_SIGHT = (
+        "Mount the vehicle's antenna higher, or pass in the lane next to the cones, so that "
+        "nothing stands between."
+    )
+    HEIGHTS = "Measure the heights of the antennas, to 0.1 m, and give them with the log."
+    CALIBRATE = "Calibrate the radios (antenna delay) at a known distance."
+    MORE_CONES = "Equip at least three cones that do not stand on one line."
