@@ -23,7 +23,7 @@ from test_map_page import HOSTILE
 
 JARGON = re.compile(
     r"\b(covarian|sigma|residual|converge|ill-condition|hypothes|solver|multilaterat|mirror|"
-    r"posterior|NLOS|LOS|nan\b|None\b)", re.IGNORECASE,
+    r"posterior|NLOS\b|LOS\b|nan\b|None\b)", re.IGNORECASE,
 )  # fmt: skip
 SECTIONS = [
     "What was found", "How sure it is", "What limited it", "What would improve it", "The cones",

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
 from typing import TYPE_CHECKING
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ import pytest
 from factories import SQUARE_M, make_fix, make_reconstruction, make_unlocated
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
-from gaia_uwb.plots import figure_png, plot_reconstruction
+from gaia_uwb.plots import figure_png, figure_svg, plot_reconstruction
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -213,3 +214,16 @@ def test_leaves_pyplot_alone() -> None:
         text=True, check=True,
     )  # fmt: skip
     assert done.stdout == "False\n"
+
+
+def test_svg_is_the_same_picture_again_and_whole() -> None:
+    hostile = ("--><script>x</script>", "\x1b[31m", "a\x00b", "\u2028")
+    reconstruction = make_reconstruction(anchor_ids=hostile, name="<a>&\x07 \ud800")
+    first, second = (figure_svg(plot_reconstruction(reconstruction)) for _ in range(2))
+    assert first == second
+    root = ET.fromstring(first.encode())
+    assert root.attrib["viewBox"] == "0 0 720 648"
+    tags = {element.tag.rpartition("}")[2] for element in root.iter()}
+    assert "script" not in tags
+    assert "image" in tags  # the dots
+    assert len(first) < 400_000

@@ -227,3 +227,11 @@ def test_file_that_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"plot\.png: cannot write this file"):
         write_all(make_reconstruction(), tmp_path)
     assert not (tmp_path / "report.json").exists()
+
+
+def test_svg_is_written_where_it_is_asked_for_and_none_is_left_of_before(tmp_path: Path) -> None:
+    paths = write_all(make_reconstruction(), tmp_path, svg=True)
+    assert sorted(path.name for path in paths) == sorted([*FILES, "plot.svg"])
+    assert (tmp_path / "plot.svg").read_text(encoding="utf-8").startswith("<?xml")
+    write_all(make_reconstruction(), tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == FILES

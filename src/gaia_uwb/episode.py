@@ -337,6 +337,21 @@ class Episode:
         """Return the same episode with nothing of the truth in it."""
         return replace(self, truth=None)
 
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: what is on the timeline, without the truth."""
+        from gaia_uwb._html import sketch, summary
+
+        facts = [f"{self.n_steps} steps in {self.t_s[-1] - self.t_s[0]:.1f} s"]
+        if self.clock is not None:
+            facts.append(f"clock offset {self.clock.applied_s:+.3f} s ({self.clock.reason})")
+        rows = []
+        for n, anchor_id in enumerate(self.anchor_ids):
+            range_m = self.range_m[self.valid[:, n], n]
+            span = f"{range_m.min():.2f} to {range_m.max():.2f}" if len(range_m) else ""
+            rows.append([anchor_id, str(len(range_m)), f"{self.valid[:, n].mean():.0%}", span])
+        head = ("anchor", "ranges", "of the steps", "range (m)")
+        return summary(self.name, facts, sketch(self.position_m), head=head, rows=rows)
+
 
 @dataclass(frozen=True)
 class DenoisedRanges:

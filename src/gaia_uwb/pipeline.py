@@ -71,6 +71,33 @@ class Reconstruction:
     reasons: tuple[str, ...]
     config: PipelineConfig
 
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the verdict, a top view and the anchors."""
+        from gaia_uwb._html import Mark, sketch, summary
+
+        located = [anchor for anchor in self.anchors if anchor.status.has_position]
+        facts = [
+            f"{self.status.value}: {len(located)} of {len(self.anchors)} anchors located, "
+            f"boundary {self.boundary.status.value}, {self.boundary.area_m2:.1f} m²",
+            *self.reasons,
+        ]
+        marks = [
+            Mark(a.anchor_id, a.position_m, a.covariance_m2, good=a.status is AnchorStatus.OK)
+            for a in located
+        ]
+        picture = sketch(self.episode.position_m, area_m=self.boundary.hull_m, marks=marks)
+        head = ("anchor", "status", "east (m)", "north (m)", "± (m, 90 %)", "other side", "ranges")
+        rows = [_html_row(anchor) for anchor in self.anchors]
+        return summary(self.episode.name, facts, picture, head=head, rows=rows)
+
+
+def _html_row(anchor: AnchorFix) -> list[str]:
+    numbers = (*anchor.position_m, anchor.semi_axes_90_m[0])
+    east_m, north_m, within_m = (f"{n:.2f}" if np.isfinite(n) else "" for n in numbers)
+    share = f"{anchor.mirror_probability:.1%}" if anchor.status.has_position else ""
+    return [anchor.anchor_id, anchor.status.value, east_m, north_m, within_m, share,
+            str(anchor.n_ranges)]  # fmt: skip
+
 
 def prepare(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Episode:
     """Bring a log onto one timeline and free its ranges of the radios' common bias.

@@ -7,7 +7,6 @@ Anchors that share a colour share their artists: a thousand anchors cost as few 
 from __future__ import annotations
 
 import io
-import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gaia_uwb._text import printable
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.estimate import AnchorStatus, BoundaryStatus
 from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
@@ -32,7 +32,6 @@ _DPI = 110
 _MOST_RANGES = 100_000  # more dots than this the picture has no pixels for
 _MOST_NAMES = 12
 _CHI_SQUARE_90 = 2.0 * np.log(10.0)  # 90 % quantile with two degrees of freedom
-_NO_XML = re.compile("[^\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _NAME_POINTS = 8.5  # font size of the cones' names
 
 
@@ -112,8 +111,7 @@ def figure_svg(figure: Figure) -> str:
     with warnings.catch_warnings(), mpl.rc_context({"svg.hashsalt": "gaia"}):
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         figure.savefig(buffer, format="svg", dpi=1.5 * _DPI, metadata={"Date": None})
-    # A name is in it as a comment, and may hold what no XML may.
-    return _NO_XML.sub("", buffer.getvalue())
+    return buffer.getvalue()
 
 
 @dataclass(frozen=True)
@@ -334,5 +332,5 @@ def _tidy(axes: Axes) -> None:
 
 
 def _shortened(text: str, longest: int) -> str:
-    flat = " ".join(text.split())
+    flat = printable(text)  # fonts have no letters for the rest, and XML forbids some of it
     return flat if len(flat) <= longest else f"{flat[: longest - 1]}…"

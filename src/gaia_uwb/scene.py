@@ -284,3 +284,22 @@ class Scene:
     def without_truth(self) -> Scene:
         """Return the same scene with nothing of the truth in it."""
         return replace(self, truth=None)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: what the log holds, without the truth."""
+        from gaia_uwb._html import sketch, summary
+
+        drive, log = self.trajectory, self.ranges
+        facts = [
+            f"path: {len(drive)} samples in {drive.t_s[-1] - drive.t_s[0]:.1f} s, "
+            f"{drive.path_length_m:.1f} m long",
+            f"{len(log)} readings of {self.n_anchors} anchors, "
+            f"{'tied to WGS84' if self.frame else 'in local metres'}",
+        ]
+        rows = []
+        for n, anchor_id in enumerate(self.anchor_ids):
+            range_m = log.range_m[log.anchor == n]
+            span = f"{range_m.min():.2f} to {range_m.max():.2f}" if len(range_m) else ""
+            rows.append([anchor_id, str(len(range_m)), span])
+        head = ("anchor", "readings", "range (m)")
+        return summary(self.name, facts, sketch(drive.position_m), head=head, rows=rows)
