@@ -105,7 +105,8 @@ def sketch(
     middle_m = (low_m + high_m) / 2.0
 
     def pixels(points_m: Float64[Array, "K 2"]) -> Float64[Array, "K 2"]:
-        return (points_m - middle_m) * [scale, -scale] + np.array([_WIDTH, _HEIGHT]) / 2.0
+        moved = (points_m - middle_m) * [scale, -scale]
+        return np.asarray(moved + np.array([_WIDTH, _HEIGHT]) / 2.0)
 
     parts = []
     if area_m is not None and len(area_m) > 2:

@@ -177,7 +177,7 @@ class _Look:
         """The usual speed while ranges came in."""
         step_s = np.diff(self.episode.t_s)
         speed_mps = np.hypot(*np.diff(self.episode.position_m, axis=0).T) / step_s
-        heard = self.episode.valid.any(axis=1)[1:]
+        heard = np.asarray(self.episode.valid.any(axis=1))[1:]
         return float(np.median(speed_mps[heard])) if heard.any() else 0.0
 
     @cached_property
