@@ -1,6 +1,7 @@
 """Size and first paint of the map page of a 5-minute run, in a headless Chromium without a network.
 
 Usage: python benchmarks/map_page.py   (needs chromium; budgets: 2 MB and 1 s)
+       python benchmarks/map_page.py --pictures docs/images   (the pictures of the documentation)
 
 Where folium is installed, its map of the same cones and path stands beside it: what one would take
 otherwise. It loads its parts from other hosts, so offline its page counts what it could not load.
@@ -8,6 +9,7 @@ otherwise. It loads its parts from other hosts, so offline its page counts what 
 
 from __future__ import annotations
 
+import argparse
 import json
 import statistics
 import sys
@@ -78,8 +80,36 @@ def look(page: Path) -> dict[str, float | int | None]:
     }
 
 
+def draw(folder: Path) -> None:
+    """Take the documentation's pictures of the page."""
+    sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+    tools = import_module("browser")
+    with tempfile.TemporaryDirectory() as place, tools.browser(Path(place) / "profile") as driver:
+        for preset, size, touch, script in (
+            ("lane-closure", (1280, 760), False, "showMoment(225); select('cone-5'); showZone()"),
+            ("straight", (360, 740), True, "select(null)"),
+        ):
+            reconstruction = reconstruct(simulate_pass(PRESETS[preset], seed=0))
+            features = boundary_geojson(reconstruction, local=True)
+            page = Path(place) / f"{preset}.html"
+            text = map_page(reconstruction, features, make_report(reconstruction))
+            page.write_text(text, encoding="utf-8")
+            driver.prefer("light")
+            driver.resize(*size, touch=touch)
+            driver.open(page)
+            driver.evaluate(script)
+            driver.settle()
+            (folder / f"map-{preset}.png").write_bytes(driver.screenshot())
+
+
 def main() -> None:
     """Measure and write the result to benchmarks/out/."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--pictures", type=Path, help="write pictures into this folder instead")
+    pictures = parser.parse_args().pictures
+    if pictures is not None:
+        draw(pictures)
+        return
     rows: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as place:
         for n_anchors in (4, 10, 50):

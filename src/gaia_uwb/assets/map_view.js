@@ -70,7 +70,7 @@ function drawLabels() {
     const open = inside
       ? corners.filter(([left, top]) => free({ x: left, y: top, width, height })) : [];
     const within = ([left]) => left > 4 && left + width < map.clientWidth - 4;
-    const found = open.find(within) ?? open[0];
+    const found = open.find(within) ?? (place.id === chosen.id ? open[0] : undefined);
     label.style.display = found ? "" : "none";
     if (!found) continue;
     taken.push({ x: found[0], y: found[1], width, height });
