@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import hypothesis
 import pytest
 from jaxtyping import install_import_hook
+
+from browser import Browser, browser, find_chromium
 
 install_import_hook("gaia_uwb", "beartype.beartype")
 
@@ -38,9 +41,17 @@ def outdoor_dir() -> Path:
     return folder
 
 
-def pytest_report_header() -> str:
-    """Say up front whether the real data take part."""
-    folder = _find_data_dir()
-    return (
-        f"outdoor UWB data set: {'present' if folder else 'ABSENT, real-data tests are left out'}"
-    )
+@pytest.fixture(scope="session")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """One browser for all tests that need one, without a network."""
+    with browser(tmp_path_factory.mktemp("profile")) as driver:
+        yield driver
+
+
+def pytest_report_header() -> list[str]:
+    """Say up front whether the real data and the browser take part."""
+    data, chromium = _find_data_dir(), find_chromium()
+    return [
+        f"outdoor UWB data set: {'present' if data else 'ABSENT, real-data tests are left out'}",
+        f"chromium: {'present' if chromium else 'ABSENT, tests in a browser are left out'}",
+    ]

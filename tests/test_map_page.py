@@ -1,5 +1,5 @@
-"""The map is one safe file that holds what the reconstruction does; ``test_map_in_browser`` looks
-at it."""
+"""The map is one safe file that holds what the reconstruction does; ``test_map_in_browser`` and
+``test_map_handling`` look at it."""
 
 from __future__ import annotations
 

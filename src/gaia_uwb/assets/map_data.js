@@ -54,7 +54,7 @@ function squareMetres(area) {
 }
 
 function signed(cm) {
-  return `${cm < 0 ? "−" : "+"}${(Math.abs(cm) / 100).toFixed(2)} m`;
+  return `${cm < 0 ? "−" : "+"}${(Math.abs(cm) / 100).toFixed(2)}\u00a0m`;
 }
 
 // Half the length of a cone's 90 % ellipse: the place is this sure in the worst direction.

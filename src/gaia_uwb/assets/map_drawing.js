@@ -115,6 +115,7 @@ function showTipAt(x, y, title, lines) {
 }
 
 function showTip(place) {
+  if (ruler.active) return;  // it would cover what is measured
   const anchor = anchors.get(place.id), mirror = place.role === "mirror";
   const lines = mirror
     ? [`other possible place, ${percent(anchor.mirror_probability)} likely`]

@@ -112,7 +112,7 @@ function explainPath(id) {
   const rows = byId("path-legend"), unit = fit.width;
   rows.replaceChildren();
   const size = (cm) => Math.round(cm * 10) / 10;
-  for (let k = 0; k < 5; k += 1) {
+  for (let k = 0; k < (fit.all.some(known) ? 5 : 0); k += 1) {
     const row = html("div", "", rows);
     swatchOf(CLASSES[k + 1], row);
     html("span", k < 4 ? `${size(k * unit)} to ${size((k + 1) * unit)} cm`
@@ -120,7 +120,7 @@ function explainPath(id) {
   }
   const row = html("div", "", rows);
   swatchOf("none", row);
-  html("span", "no range", row);
+  html("span", "no range to a located cone", row);
   html("small", "Misfit: measured range minus the distance to the place that was found.", rows);
 }
 
