@@ -9,8 +9,8 @@ const LEGEND = {
 function select(id) {
   chosen.id = id;
   for (const place of places) place.group.classList.toggle("chosen", place.id === id);
-  for (const button of byId("cones").children)
-    button.setAttribute("aria-pressed", button.dataset.index === String(order.indexOf(id)));
+  [...byId("cones").children].forEach((button, index) =>
+    button.setAttribute("aria-pressed", order[index] === id));
   fit.shown = id === null || !cones.has(id) ? fit.all : misfits(id);
   describe(id);
   explainPath(id);
@@ -59,9 +59,8 @@ function centre(id) {
 }
 
 function listCones() {
-  report.anchors.forEach((anchor, index) => {
+  for (const anchor of report.anchors) {
     const button = html("button", "", byId("cones"));
-    button.dataset.index = index;
     button.setAttribute("aria-pressed", "false");
     const swatch = svg("svg", { width: 20, height: 20, viewBox: "-10 -10 20 20",
                                 "aria-hidden": "true" }, button);
@@ -74,7 +73,7 @@ function listCones() {
          `value${good ? "" : " warn"}`);
     button.title = anchor.id;
     button.addEventListener("click", () => centre(anchor.id));
-  });
+  }
 }
 
 function swatchOf(role, parent, status = "ok") {

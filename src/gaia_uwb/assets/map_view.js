@@ -60,6 +60,7 @@ function drawLabels() {
   const free = (box) => !taken.some((other) => other.x < box.x + box.width
     && box.x < other.x + other.width && other.y < box.y + box.height
     && box.y < other.y + other.height);
+  let tried = 0;  // of a thousand cones side by side, the eye reads no more either
   const first = places.filter(({ id }) => id === chosen.id);
   for (const place of [...first, ...places.filter(({ id }) => id !== chosen.id)]) {
     const { x, y, width, label } = place, height = 17;
@@ -67,7 +68,8 @@ function drawLabels() {
     const corners = [[x + 12, y - 9], [x - 12 - width, y - 9], [x - width / 2, y - 28],
                      [x - width / 2, y + 11], [x + 8, y - 26], [x - 8 - width, y - 26],
                      [x + 8, y + 9], [x - 8 - width, y + 9]];
-    const open = inside
+    tried += inside;
+    const open = inside && tried < 300
       ? corners.filter(([left, top]) => free({ x: left, y: top, width, height })) : [];
     const within = ([left]) => left > 4 && left + width < map.clientWidth - 4;
     const found = open.find(within) ?? (place.id === chosen.id ? open[0] : undefined);
