@@ -12,6 +12,7 @@ import yaml
 
 import gaia_uwb
 import page_blocks
+from gaia_uwb.datasets.input_description import InputDescription
 from page_blocks import Block, PageError, Runner, agrees, parse, run_page
 
 ROOT = Path(__file__).parents[1]
@@ -70,6 +71,18 @@ def test_commands_stand_in_blocks_that_run(path: Path) -> None:
         if block.kind == "shown":
             commands = re.findall(r"^(?:gaia|pip|python|git|make) .*", block.text, re.MULTILINE)
             assert not commands, f"{path}, line {block.line}: mark this block as bash"
+
+
+def test_the_descriptions_on_the_page_of_inputs_are_valid() -> None:
+    page = (ROOT / "docs" / "inputs.md").read_text(encoding="utf-8")
+    base = {
+        "trajectory": {"file": "drive.nmea", "format": "nmea"},
+        "ranges": [{"file": "tag.log", "format": "dwm1001"}],
+    }
+    found = [yaml.safe_load(block.text) for block in parse(page) if block.language == "yaml"]
+    assert len(found) >= 4
+    for description in found:
+        InputDescription.model_validate(base | description)
 
 
 def test_a_page_runs_as_one(tmp_path: Path) -> None:
