@@ -213,5 +213,5 @@ def test_every_page_has_its_place_in_the_navigation() -> None:
 
     named = set(leaves(yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"]))
     pages = {str(p.relative_to(ROOT / "docs")) for p in (ROOT / "docs").rglob("*.md")}
-    assert pages - named == set()
+    assert pages - named == set(), "name the page under nav in mkdocs.yml"
     assert named - pages == {"reference/command-line.md", "reference/settings.md"}

@@ -70,5 +70,8 @@ def errors() -> str:
         return str(error)
 
 
-gaia_uwb.no_such_name  # type: ignore[attr-defined]  # noqa: B018
-read(17)  # type: ignore[arg-type]
+def mistakes() -> None:
+    """Make mistakes that a type checker must find: an ignore that is not needed is an error."""
+    gaia_uwb.no_such_name  # type: ignore[attr-defined]  # noqa: B018
+    read(17)  # type: ignore[arg-type]
+    reconstruct("my-log").anchors[0].position  # type: ignore[attr-defined]  # noqa: B018
