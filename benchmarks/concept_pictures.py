@@ -22,7 +22,6 @@ from scipy.optimize import least_squares
 from gaia_uwb import PipelineConfig, Scene, read, reconstruct
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.config import AlignmentConfig
-from gaia_uwb.plots import figure_png, plot_reconstruction
 from gaia_uwb.readings import fit_anchors, gather_readings
 from gaia_uwb.simulate import PRESETS, PassConfig, simulate_pass
 
@@ -297,8 +296,6 @@ def main() -> None:
     save("clock-offset", draw_clock_offset)
     save("range-bias", draw_range_bias)
     print_effects()
-    plot = figure_png(plot_reconstruction(reconstruct("sim:lane-closure")))
-    (OUT.parent / "tutorial-plot.png").write_bytes(plot)
 
 
 if __name__ == "__main__":

@@ -100,7 +100,7 @@ def make_report(
 
 def write_all(
     reconstruction: Reconstruction,
-    folder: Path,
+    folder: str | Path,
     metrics: Mapping[str, Metric] | None = None,
     *,
     svg: bool = False,
@@ -125,7 +125,7 @@ def write_all(
     ConfigError
         If the folder or a file in it cannot be written.
     """
-    output = OutputFolder(folder)
+    output = OutputFolder(Path(folder))
     report = make_report(reconstruction, metrics)
     page = map_page(reconstruction, boundary_geojson(reconstruction, local=True), report)
     figure = plot_reconstruction(reconstruction)

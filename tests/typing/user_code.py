@@ -42,6 +42,7 @@ def whole_job(folder: Path) -> Sequence[str]:
     east_m: float = result.anchors[0].position_m[0]
     hull_m: Floats = result.boundary.hull_m
     gaia_uwb.write_all(result, folder / "result")
+    gaia_uwb.write_all(result, "result", svg=True)
     names = [a.anchor_id for a in result.anchors if a.status is AnchorStatus.AMBIGUOUS]
     return [*names, f"{east_m:.2f}", str(hull_m.shape)]
 
