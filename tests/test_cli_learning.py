@@ -1,4 +1,4 @@
-"""``gaia train`` and ``gaia reproduce``: what they write, how they go on, how they refuse."""
+"""``gaia train``: what it writes, how it goes on, how it refuses."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gaia_uwb import cli, method_tables
+from gaia_uwb import cli
 from gaia_uwb.errors import ConfigError, GaiaError
 from tiny_models import SIZES
 
@@ -94,20 +94,3 @@ def test_training_without_torch_says_how_to_get_it(
     )
     with pytest.raises(ConfigError, match=r"pip install 'gaia-uwb\[train\]'"):
         run("train", "mlp", "--data", "sim:stress", "--out", tmp_path / "m")
-
-
-def test_quick_tables_are_marked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(method_tables, "N_TEST", 2)
-    run("reproduce", "ablation", "--quick", "--seeds", 1, "--out", tmp_path)
-    results = json.loads((tmp_path / "results.json").read_text())
-    assert results["protocol"]["quick"] is True
-    assert [row["method"] for row in results["rows"]] == [
-        "gaia",
-        "without-layout-head",
-        "without-geo-dist",
-        "unfrozen-base",
-    ]
-    assert (tmp_path / "table.md").read_text().startswith("QUICK RUN")
-    assert "QUICK RUN" in capsys.readouterr().out

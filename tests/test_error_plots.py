@@ -1,10 +1,14 @@
-"""The pictures show what they say, and the same picture gives the same file."""
+"""The pictures show what they say."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from gaia_uwb.error_plots import figure_svg, plot_autocorrelation, plot_quantiles
+from gaia_uwb.error_plots import (
+    plot_autocorrelation,
+    plot_error_over_distance,
+    plot_quantiles,
+)
 
 
 def test_equal_errors_lie_on_the_diagonal() -> None:
@@ -27,8 +31,10 @@ def test_memory_is_drawn_over_seconds() -> None:
     np.testing.assert_allclose(lines["other"].get_ydata(), 1.0)
 
 
-def test_svg_is_reproducible() -> None:
-    track = np.linspace(-1.0, 1.0, 50)
-    first, second = (figure_svg(plot_quantiles([track], {"naive": [track]})) for _ in range(2))
-    assert first == second
-    assert first.startswith(b"<?xml")
+def test_growth_with_distance_is_drawn_from_bins_that_hold_enough() -> None:
+    distance_m = np.repeat([5.0, 10.0, 20.0, 40.0], [100, 100, 100, 3])
+    figure = plot_error_over_distance({"data": {"gaia": (distance_m, -0.1 * distance_m)}})
+    median, exceeded = figure.axes[0].lines
+    np.testing.assert_allclose(median.get_ydata(), 0.1 * np.asarray(median.get_xdata()))
+    np.testing.assert_allclose(exceeded.get_ydata()[0], 0.5)
+    assert max(median.get_xdata()) < 40.0

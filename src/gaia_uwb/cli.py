@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from gaia_uwb.cli_learning import reproduce_app, train
+from gaia_uwb.cli_learning import train
 from gaia_uwb.cli_options import (
     ConfigOption,
     DataDirOption,
@@ -23,6 +23,7 @@ from gaia_uwb.cli_options import (
     SourceArgument,
     version,
 )
+from gaia_uwb.cli_reproduce import reproduce_app
 from gaia_uwb.cli_wzdx import wzdx_app
 from gaia_uwb.terminal import plain, print_results, print_summary, progress_bar, track
 

@@ -40,3 +40,14 @@ def version() -> str:
     from gaia_uwb import __version__
 
     return __version__
+
+
+def require_torch() -> None:
+    """Say what is missing for a training before any work, in one line."""
+    from importlib.util import find_spec
+
+    from gaia_uwb.errors import ConfigError
+
+    for package in ("torch", "safetensors"):
+        if find_spec(package) is None:
+            raise ConfigError(f"training needs {package}: pip install 'gaia-uwb[train]'")

@@ -160,12 +160,7 @@ def logged_sets(
     InputError
         If nothing is left to train on.
     """
-    windows = [
-        (run, start)
-        for run, episode in enumerate(runs)
-        for start in range(0, episode.n_steps - options.window_steps + 1, options.window_steps)
-        if episode.valid[start : start + options.window_steps].any()
-    ]
+    windows = _windows(runs, options.window_steps)
     fold = _folds(runs, windows, split)
     rest = np.flatnonzero(~fold)
     n_validation = max(1, round(_VALIDATION_SHARE * len(rest)))
@@ -195,6 +190,22 @@ def logged_sets(
     )
 
 
+def held_out(runs: Sequence[Episode], split: str, window_steps: int) -> list[tuple[int, int]]:
+    """Return the test windows of a fold, each as its run's index and its first step.
+
+    Parameters
+    ----------
+    runs
+        Whole runs with their truth.
+    split
+        As in :func:`logged_sets`.
+    window_steps
+        Length of a window.
+    """
+    windows = _windows(runs, window_steps)
+    return [windows[k] for k in np.flatnonzero(_folds(runs, windows, split))]
+
+
 def n_folds(split: str, runs: Sequence[Episode]) -> int:
     """Return how many folds a kind of split has: ``window``, ``run`` or ``layout``.
 
@@ -208,6 +219,16 @@ def n_folds(split: str, runs: Sequence[Episode]) -> int:
     if split == "window":
         return WINDOW_FOLDS
     return len(runs) if split == "run" else len(_layouts(runs))
+
+
+def _windows(runs: Sequence[Episode], steps: int) -> list[tuple[int, int]]:
+    """Return all windows with ranges, one after another, as run and first step."""
+    return [
+        (run, start)
+        for run, episode in enumerate(runs)
+        for start in range(0, episode.n_steps - steps + 1, steps)
+        if episode.valid[start : start + steps].any()
+    ]
 
 
 def _folds(runs: Sequence[Episode], windows: Sequence[tuple[int, int]], split: str) -> np.ndarray:

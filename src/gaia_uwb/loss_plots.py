@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from gaia_uwb.figure_style import house_style, new_figure
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_COLOURS = {"training": "#0072B2", "validation": "#D55E00"}
+_LINES = {"training": ("#0072B2", "-"), "validation": ("#D55E00", "--")}
 _NAMES = {
     "total": "total",
-    "mask": "ranges: masked Huber (m²)",
+    "mask": "ranges (m²)",
     "layout": "layout (m²)",
     "consistency": "consistency (m²)",
     "anchor": "anchors (m²)",
@@ -26,15 +28,16 @@ def plot_losses(log: Sequence[Mapping[str, Any]]) -> Figure:
     log
         One entry per epoch: ``epoch``, and terms by name under ``training`` and ``validation``.
     """
-    from matplotlib.figure import Figure
-
     terms = [name for name in _NAMES if name in log[0]["training"]]
-    figure = Figure(figsize=(3.2 * len(terms), 3.0), layout="constrained")
-    epochs = [line["epoch"] + 1 for line in log]
-    for axes, term in zip(figure.subplots(1, len(terms), squeeze=False)[0], terms, strict=True):
-        for part, colour in _COLOURS.items():
-            axes.plot(epochs, [line[part][term] for line in log], color=colour, label=part)
-        axes.set(title=_NAMES[term], xlabel="epoch", yscale="log")
-        axes.grid(visible=True, which="both", lw=0.3)
-    figure.axes[0].legend(frameon=False)
+    with house_style():
+        figure = new_figure(2.1, 0.6 + 1.3 * len(terms))
+        epochs = [line["epoch"] + 1 for line in log]
+        for axes, term in zip(figure.subplots(1, len(terms), squeeze=False)[0], terms, strict=True):
+            for part, (colour, dashes) in _LINES.items():
+                values = [line[part][term] for line in log]
+                axes.plot(epochs, values, color=colour, ls=dashes, label=part)
+            axes.set(title=_NAMES[term], xlabel="epoch", yscale="log")
+        figure.legend(
+            *figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2
+        )
     return figure

@@ -148,6 +148,8 @@ def check_simulator(
     *,
     seed: int = 0,
     n_resamples: int = 200,
+    n_replays: int = N_REPLAYS,
+    n_passes: int = N_PASSES,
     each: Callable[[Sequence[tuple[str, ...]]], Iterable[tuple[str, ...]]] = iter,
 ) -> SimulatorCheck:
     """Compare real errors with those of simulators that have not seen the runs.
@@ -161,6 +163,8 @@ def check_simulator(
         Of all that is simulated, and of the bootstrap.
     n_resamples
         Of the bootstrap.
+    n_replays, n_passes
+        How often each drive is repeated, and passes along the lane closure.
     each
         Goes through the choices of cases; a progress bar may stand here.
 
@@ -175,14 +179,14 @@ def check_simulator(
     naive = PRESETS["naive"].ranging
     pools = {
         "real": list(scenes),
-        "naive": [replay(s, naive, seed + k) for s in scenes for k in range(N_REPLAYS)],
+        "naive": [replay(s, naive, seed + k) for s in scenes for k in range(n_replays)],
         "calibrated": [],
     }
     splits: list[Split] = []
     for choice, fitted in enumerate(each(list(combinations(cases, len(cases) // 2)))):
         model = fit_ranging([scene for scene in scenes if case_of(scene) in fitted])
         held = [scene for scene in scenes if case_of(scene) not in fitted]
-        seeds = range(seed + choice * N_REPLAYS, seed + (choice + 1) * N_REPLAYS)
+        seeds = range(seed + choice * n_replays, seed + (choice + 1) * n_replays)
         repeated = [replay(s, model, k) for s in held for k in seeds]
         pools["calibrated"] += repeated
         others = tuple(case for case in cases if case not in fitted)
@@ -190,7 +194,7 @@ def check_simulator(
             real, simulated = (_summary(pool, view) for pool in (held, repeated))
             splits.append(Split(fitted, others, view, real, simulated))
     model = fit_ranging(scenes)
-    pools |= _lane_closures({"naive": naive, "calibrated": model}, seed)
+    pools |= _lane_closures({"naive": naive, "calibrated": model}, n_passes, seed)
     return SimulatorCheck(
         rows=tuple(_rows(pools, seed, n_resamples)),
         splits=tuple(splits),
@@ -214,10 +218,12 @@ def case_of(scene: Scene) -> str:
     return scene.name.partition(":")[2].partition("/")[2]
 
 
-def _lane_closures(models: dict[str, RangingConfig], seed: int) -> dict[str, list[Scene]]:
+def _lane_closures(
+    models: dict[str, RangingConfig], n_passes: int, seed: int
+) -> dict[str, list[Scene]]:
     """Simulate whole passes, with a vehicle's speed and a work zone's size."""
     return {
-        f"{method}, lane closure": list(simulate(PassConfig(ranging=model), N_PASSES, seed))
+        f"{method}, lane closure": list(simulate(PassConfig(ranging=model), n_passes, seed))
         for method, model in models.items()
     }
 

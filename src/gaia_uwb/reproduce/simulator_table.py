@@ -1,27 +1,22 @@
-"""Repeat the paper's tables: each experiment computes, and writes everything that it found.
-
-Table 5 gives ``results.json``, the table as Markdown, CSV and LaTeX, two pictures as PNG and SVG,
-and the fitted error model as a preset file.
-"""
+"""Table 5: the simulator's statistical check, as tables, pictures, a page and a preset file."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, astuple
 from typing import Any
 
-from gaia_uwb.error_plots import figure_svg, plot_autocorrelation, plot_quantiles
+from gaia_uwb.error_plots import plot_autocorrelation, plot_quantiles
 from gaia_uwb.error_statistics import ErrorSummary
+from gaia_uwb.figure_style import figure_files
 from gaia_uwb.files import OutputFolder
-from gaia_uwb.plots import figure_png
+from gaia_uwb.reproduce.formats import QUICK_MARK, marked
+from gaia_uwb.reproduce.plan import Plan
 from gaia_uwb.scene import Scene
 from gaia_uwb.sim_calibration import preset_text
 from gaia_uwb.simulator_check import (
-    N_PASSES,
-    N_REPLAYS,
     PAPER_ROWS,
     VIEWS,
     Row,
@@ -35,7 +30,7 @@ _UNITS = ("m", "m", "m", "", "samples", "samples")
 _CLIP_M = 1.0  # in the picture of the memory, larger errors count as this
 _CORRECTED, _, _PAPER = VIEWS
 
-_DEFINITIONS = f"""\
+_DEFINITIONS = """\
 - **Error**: reported range minus true slant distance, signed. *corrected*: each reading at its own
   time, the distance from the path's pose at that time less the clock offset (estimated from the
   log without truth), heights of both antennas included. *paper*: the way that comes nearest to the
@@ -51,9 +46,9 @@ _DEFINITIONS = f"""\
 - **Intervals**: 95 % percentile bootstrap over runs, of eight runs: rather too short.
 - **LOS, NLOS**: the label of the run, the data set's folder.
 - *calibrated* and *naive* repeat the real drives (path, anchors, times of readings, labels), each
-  {N_REPLAYS} times, with simulated errors. For *calibrated* the errors are fitted to two of the
+  {n_replays} times, with simulated errors. For *calibrated* the errors are fitted to two of the
   four cases and the other two are repeated, for all six choices; no run is ever judged by a fit
-  that saw it. *lane closure* is {N_PASSES} whole passes of the simulator instead, at vehicle speed;
+  that saw it. *lane closure* is {n_passes} whole passes of the simulator instead, at vehicle speed;
   there the error model is the one fitted to all cases. At that speed a range that repeats the one
   before is off by what the vehicle moved since, so its tails must be longer than the walks'.
 """
@@ -63,6 +58,7 @@ def reproduce_table5(
     scenes: Sequence[Scene],
     folder: OutputFolder,
     *,
+    plan: Plan = Plan(),
     version: str,
     seed: int = 0,
     each: Callable[[Sequence[tuple[str, ...]]], Iterable[tuple[str, ...]]] = iter,
@@ -75,6 +71,8 @@ def reproduce_table5(
         The runs of the outdoor UWB data set.
     folder
         Where to write.
+    plan
+        How often drives are repeated, and how many passes and bootstrap draws there are.
     version
         Of the package, for the reader.
     seed
@@ -89,10 +87,22 @@ def reproduce_table5(
     ConfigError
         If a file cannot be written.
     """
-    check = check_simulator(scenes, seed=seed, each=each)
-    folder.write_text("table5.csv", table_csv(check.rows))
-    folder.write_text("table5.tex", table_latex(check.rows))
-    folder.write_text("calibrated.yaml", preset_text(check.fitted, scenes, version))
+    check = check_simulator(
+        scenes,
+        seed=seed,
+        n_resamples=plan.n_resamples,
+        n_replays=plan.n_replays,
+        n_passes=plan.n_passes,
+        each=each,
+    )
+    texts = {
+        "table5.csv": table_csv(check.rows),
+        "table5.tex": table_latex(check.rows),
+        "calibrated.yaml": preset_text(check.fitted, scenes, version),
+        "simulator-check.md": check_markdown(check, plan),
+    }
+    for name, text in texts.items():
+        folder.write_text(name, marked(name, text, plan))
     tracks = {
         method: [track for run in runs.values() for track in run]
         for method, runs in check.corrected_runs.items()
@@ -105,25 +115,23 @@ def reproduce_table5(
         ),
     }
     for name, figure in figures.items():
-        folder.write_bytes(f"simulator-check-{name}.png", figure_png(figure))
-        folder.write_bytes(f"simulator-check-{name}.svg", figure_svg(figure))
-    folder.write_text("simulator-check.md", check_markdown(check))
-    results = json.dumps(table5_json(check, version, seed), indent=2, allow_nan=False)
-    folder.write_text("results.json", results + "\n")
+        files = figure_files(figure, note=QUICK_MARK if plan.quick else "")
+        for kind, content in files.items():
+            folder.write_bytes(f"simulator-check-{name}.{kind}", content)
     return check
 
 
-def table5_json(check: SimulatorCheck, version: str, seed: int) -> dict[str, Any]:
+def table5_json(check: SimulatorCheck, seed: int = 0, plan: Plan = Plan()) -> dict[str, Any]:
     """Return the content of ``results.json``.
 
     Parameters
     ----------
     check
         What was found.
-    version
-        Of the package.
     seed
         That was used.
+    plan
+        How often drives were repeated.
     """
     rows = []
     for row in check.rows:
@@ -154,13 +162,12 @@ def table5_json(check: SimulatorCheck, version: str, seed: int) -> dict[str, Any
         "length": "whole",
         "solver": "none",
         "views": [asdict(view) for view in VIEWS],
-        "replays": N_REPLAYS,
-        "lane_closure_passes": N_PASSES,
+        "replays": plan.n_replays,
+        "lane_closure_passes": plan.n_passes,
         "seed": seed,
-        "version": version,
     }
     paper = {method: asdict(summary) for method, summary in PAPER_ROWS.items()}
-    return {"schema": 1, "protocol": protocol, "paper": paper, "rows": rows, "splits": splits}
+    return {"protocol": protocol, "paper": paper, "rows": rows, "splits": splits}
 
 
 def table_csv(rows: Sequence[Row]) -> str:
@@ -230,20 +237,22 @@ def table_text(rows: Sequence[Row]) -> str:
     )
 
 
-def check_markdown(check: SimulatorCheck) -> str:
+def check_markdown(check: SimulatorCheck, plan: Plan = Plan()) -> str:
     """Return the whole check as a page of documentation.
 
     Parameters
     ----------
     check
         What was found.
+    plan
+        How often drives were repeated.
     """
     parts = [
         "# The simulator's statistical check (the paper's Table 5)\n",
         "Written by `gaia reproduce table5`; do not edit. "
         "`results.json` of the same command holds every number.\n",
         "## Definitions, the same for all rows\n",
-        _DEFINITIONS,
+        _DEFINITIONS.format(n_replays=plan.n_replays, n_passes=plan.n_passes),
         "## Table\n",
         *(_view_table(check, view.name) for view in VIEWS),
         "\n".join(_paper_lines(check)),

@@ -8,28 +8,31 @@ from pathlib import Path
 
 import pytest
 
-from gaia_uwb import simulator_check
 from gaia_uwb.errors import InputError
-from gaia_uwb.experiments import reproduce_table5, table_latex, table_text
 from gaia_uwb.files import OutputFolder
+from gaia_uwb.reproduce.plan import Plan
+from gaia_uwb.reproduce.simulator_table import (
+    reproduce_table5,
+    table5_json,
+    table_latex,
+    table_text,
+)
 from gaia_uwb.simulate.presets import load_preset
 from gaia_uwb.simulator_check import SimulatorCheck
 from surveyed import make_runs
 
 FILES = {
-    "results.json", "table5.csv", "table5.tex", "calibrated.yaml", "simulator-check.md",
-    "simulator-check-quantiles.png", "simulator-check-quantiles.svg",
-    "simulator-check-autocorrelation.png", "simulator-check-autocorrelation.svg",
+    "table5.csv", "table5.tex", "calibrated.yaml", "simulator-check.md",
+    "simulator-check-quantiles.png", "simulator-check-quantiles.pdf",
+    "simulator-check-autocorrelation.png", "simulator-check-autocorrelation.pdf",
 }  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, SimulatorCheck]:
     folder = tmp_path_factory.mktemp("table5")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulator_check, "N_PASSES", 2)
-        patch.setattr(simulator_check, "N_REPLAYS", 1)
-        check = reproduce_table5(make_runs(), OutputFolder(folder), version="1.2.3")
+    plan = Plan(n_replays=1, n_passes=2)
+    check = reproduce_table5(make_runs(), OutputFolder(folder), plan=plan, version="1.2.3")
     return folder, check
 
 
@@ -39,10 +42,9 @@ def test_all_files_are_there(written: tuple[Path, SimulatorCheck]) -> None:
 
 
 def test_results_hold_every_row_with_its_protocol(written: tuple[Path, SimulatorCheck]) -> None:
-    folder, check = written
-    results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
-    assert results["schema"] == 1
-    assert results["protocol"]["version"] == "1.2.3"
+    _, check = written
+    results = json.loads(json.dumps(table5_json(check), allow_nan=False))
+    assert results["protocol"]["seed"] == 0
     assert len(results["rows"]) == len(check.rows)
     assert len(results["splits"]) == len(check.splits)
     first = results["rows"][0]
@@ -62,7 +64,7 @@ def test_tables_agree(written: tuple[Path, SimulatorCheck]) -> None:
         assert float(row["mean_m_low"]) <= own.summary.mean_m <= float(row["mean_m_high"])
     page = (folder / "simulator-check.md").read_text(encoding="utf-8")
     assert f"{check.rows[0].summary.p95_m:.4f} [" in page
-    for name in FILES - {"results.json"}:
+    for name in FILES:
         if name.endswith(".png"):
             assert f"({name})" in page
 

@@ -1,0 +1,59 @@
+"""Code counts by what it does, data by every number."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gaia_uwb.reproduce import digests
+from gaia_uwb.reproduce.digests import code_digest, episodes_digest
+from tiny_models import make_run
+
+
+def write_package(folder: Path, inner: str, outer: str = "") -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "inner.py").write_text(inner)
+    (folder / "outer.py").write_text(f"from gaia_uwb.inner import f\n{outer}")
+
+
+@pytest.fixture
+def digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(digests, "_PACKAGE", tmp_path)
+
+    def of(inner: str, outer: str = "", **options: tuple[str, ...]) -> str:
+        write_package(tmp_path, inner, outer)
+        code_digest.cache_clear()
+        found = code_digest("outer", **options)
+        code_digest.cache_clear()
+        return found
+
+    return of
+
+
+def test_comments_and_docstrings_do_not_count(digest) -> None:
+    plain = digest("def f():\n    return 1\n")
+    assert digest('def f():\n    """Say it."""\n    return 1  # one\n') == plain
+    assert digest("def f():\n    return 2\n") != plain
+
+
+def test_imported_code_counts_unless_it_is_left_out(digest) -> None:
+    one, two = (digest(f"def f():\n    return {n}\n") for n in (1, 2))
+    assert one != two
+    one, two = (digest(f"def f():\n    return {n}\n", without=("inner",)) for n in (1, 2))
+    assert one == two
+    assert digest("", "x = 1\n", without=("inner",)) != digest("", "x = 2\n", without=("inner",))
+
+
+def test_lazy_imports_are_followed() -> None:
+    # The pipeline's solver is C, which only an import inside multilateration leads to.
+    assert code_digest("locate") != code_digest("locate", without=("_solver",))
+
+
+def test_every_number_of_an_episode_counts() -> None:
+    run = make_run(0)
+    moved = replace(run, position_m=run.position_m + 1e-9)
+    blind = run.without_truth()
+    assert len({episodes_digest([run]), episodes_digest([moved]), episodes_digest([blind])}) == 3
+    assert episodes_digest([run]) == episodes_digest([make_run(0)])

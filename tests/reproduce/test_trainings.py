@@ -1,0 +1,85 @@
+"""Models are trained once, again when stale, and taken up where they belong to the same data."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from tiny import TINY
+
+from gaia_uwb.errors import ConfigError
+from gaia_uwb.recipes import KINDS
+from gaia_uwb.reproduce import trainings
+from gaia_uwb.reproduce.jobs import run_jobs
+from gaia_uwb.reproduce.trainings import (
+    STAMP,
+    Training,
+    read_stamp,
+    stress_training,
+    train_model,
+    with_bases,
+)
+
+pytest.importorskip("torch", reason="PyTorch is not installed: no model can be trained here")
+
+
+def make_training(folder: Path, kind: str = "mlp", seed: int = 0) -> Training:
+    return stress_training(folder / "models", kind, TINY.recipe(KINDS[kind], seed), "1.2.3")
+
+
+def weights(training: Training) -> bytes:
+    return (training.place / "weights.safetensors").read_bytes()
+
+
+def test_a_fresh_model_is_left_alone(tmp_path: Path) -> None:
+    training = make_training(tmp_path)
+    assert train_model(training) is True
+    before = weights(training)
+    assert train_model(training) is False
+    assert weights(training) == before
+    stamp = read_stamp(training.place)
+    assert stamp is not None
+    assert stamp["done"] is True
+    assert stamp["taken_up"] is False
+
+
+def test_a_model_of_other_code_is_trained_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    training = make_training(tmp_path)
+    train_model(training)
+    monkeypatch.setattr(trainings, "code_digest", lambda *names, without: "other code")
+    assert train_model(training) is True
+    assert train_model(training) is False
+
+
+def test_a_model_without_a_note_is_taken_up_if_it_is_of_the_same_training(tmp_path: Path) -> None:
+    training = make_training(tmp_path)
+    train_model(training)
+    before = weights(training)
+    (training.place / STAMP).unlink()
+    assert train_model(training) is True
+    stamp = read_stamp(training.place)
+    assert stamp is not None
+    assert stamp["taken_up"] is True
+    assert weights(training) == before
+    (training.place / STAMP).unlink()
+    other = Training(training.place, TINY.recipe(KINDS["mlp"], 1), training.data, None, "1.2.3")
+    with pytest.raises(ConfigError, match="another training"):
+        train_model(other)
+
+
+def test_a_base_is_trained_before_what_stands_on_it(tmp_path: Path) -> None:
+    gaia = make_training(tmp_path, "gaia")
+    wanted = with_bases([gaia], TINY)
+    assert [training.place.name for training in wanted] == ["gaia-seed0", "pose-mlp-seed0"]
+    done = run_jobs([training.job() for training in wanted], 0)
+    assert list(done) == ["pose-mlp-seed0", "gaia-seed0"]
+    assert gaia.denoiser == f"gaia:{gaia.place}"
+
+
+@pytest.mark.parametrize("text", ["", "[]", json.dumps({"key": "k"})])
+def test_a_damaged_note_is_none(tmp_path: Path, text: str) -> None:
+    (tmp_path / STAMP).write_text(text)
+    assert read_stamp(tmp_path) is None

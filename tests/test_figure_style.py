@@ -1,0 +1,34 @@
+"""Files of figures: the same bytes for the same picture, fonts inside, a quick run marked."""
+
+from __future__ import annotations
+
+from gaia_uwb.figure_style import figure_files, house_style, look, new_figure
+from gaia_uwb.reproduce.plan import METHODS
+
+
+def draw():
+    with house_style():
+        figure = new_figure(2.0)
+        figure.subplots().plot([0.0, 1.0], label="straight")
+    return figure
+
+
+def test_files_are_reproducible_with_embedded_fonts() -> None:
+    first, second = figure_files(draw()), figure_files(draw())
+    assert first == second
+    assert first["pdf"].startswith(b"%PDF")
+    assert b"/FontFile2" in first["pdf"]  # a TrueType font, not shapes of letters
+    assert first["png"].startswith(b"\x89PNG")
+
+
+def test_a_note_is_drawn() -> None:
+    figure = draw()
+    figure_files(figure, note="QUICK RUN")
+    assert figure.get_supxlabel() == "QUICK RUN"
+
+
+def test_methods_can_be_told_apart() -> None:
+    looks = [look(method.name) for method in METHODS]
+    assert len({each.colour for each in looks}) == len(looks)
+    assert len({each.mark for each in looks}) == len(looks)
+    assert look("somebody's").label == "somebody's"
