@@ -192,6 +192,8 @@ def test_the_reference_has_every_public_name(site: Path) -> None:
     page = (site / "reference" / "python.html").read_text(encoding="utf-8")
     shown = {name.rpartition(".")[2] for name in re.findall(r'id="(gaia_uwb\.[\w.]+)"', page)}
     assert set(gaia_uwb.__all__) - shown == set()
+    assert not re.search(r":(?:func|class|data|attr):", page)
+    assert '<a class="autorefs autorefs-internal"' in page
 
 
 def test_the_generated_pages_know_commands_and_settings(site: Path) -> None:
