@@ -115,6 +115,11 @@ def test_files_that_are_no_settings(tmp_path: Path, text: str | bytes) -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_a_key_twice_names_its_line(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="line 2: the key 'denoiser' is here twice"):
+        load_config(write(tmp_path, "denoiser: raw\ndenoiser: median"))
+
+
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.yaml: cannot read settings: .*No such file"):
         load_config(tmp_path / "nowhere.yaml")

@@ -66,7 +66,15 @@ def test_what_is_refused(changes: dict[str, object], problem: str) -> None:
 
 @pytest.mark.parametrize(
     "content",
-    ["", "[1]", "a: [", "a: 2026-13-45", "start_date: !!python/object:os.system x", "[" * 5000],
+    [
+        "",
+        "[1]",
+        "a: [",
+        "road_names: [a]\nroad_names: [b]",
+        "a: 2026-13-45",
+        "start_date: !!python/object:os.system x",
+        "[" * 5000,
+    ],
 )
 def test_files_that_are_no_settings(tmp_path: Path, content: str) -> None:
     path = tmp_path / "feed.yaml"

@@ -18,6 +18,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gaia_uwb.errors import ConfigError
+from gaia_uwb.strict_yaml import read_yaml
 
 
 class Settings(BaseModel):
@@ -114,16 +115,13 @@ def load_config(path: Path) -> PipelineConfig:
     Raises
     ------
     ConfigError
-        If the file cannot be read, is not YAML, holds an unknown key or an impossible value.
+        If the file cannot be read, is not YAML, holds a key twice, an unknown key or an impossible
+        value.
     """
-    import yaml
-
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        # A ValueError: not UTF-8, or an impossible date; a RecursionError: nested beyond reason.
-        reason = " ".join(str(error).split())
-        raise ConfigError(f"{path}: cannot read settings: {reason}") from error
+        content = read_yaml(path)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: cannot read settings: {error}") from error
     return make_config({} if content is None else content, source=str(path))
 
 

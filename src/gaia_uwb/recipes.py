@@ -21,6 +21,7 @@ from gaia_uwb.model import (
     TrainingOptions,
     per_step,
 )
+from gaia_uwb.strict_yaml import read_yaml
 
 KINDS: dict[str, NetworkOptions] = {
     "mlp": MlpOptions(),
@@ -98,12 +99,10 @@ def load_recipe(path: Path, default: Recipe) -> Recipe:
     Raises
     ------
     ConfigError
-        If the file cannot be read, or holds an unknown key or an impossible value.
+        If the file cannot be read, or holds a key twice, an unknown key or an impossible value.
     """
-    import yaml
-
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        content = read_yaml(path) or {}
         sections = default.model_dump()
         if not isinstance(content, dict) or set(content) - set(sections):
             raise ConfigError(f"{path}: expected sections {', '.join(sections)}, nothing else")
@@ -115,7 +114,5 @@ def load_recipe(path: Path, default: Recipe) -> Recipe:
     except ValidationError as error:
         problems = (f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
         raise ConfigError(f"{path}: {'; '.join(problems)}") from error
-    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        raise ConfigError(
-            f"{path}: cannot read a recipe: {' '.join(str(error).split())}"
-        ) from error
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: cannot read a recipe: {error}") from error

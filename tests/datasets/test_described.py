@@ -82,6 +82,9 @@ def test_wrong_files(tmp_path: Path) -> None:
     (folder / "gaia.yaml").write_text("a: [", encoding="utf-8")
     with pytest.raises(InputError, match=r"gaia\.yaml: cannot be read"):
         read_described(folder)
+    (folder / "gaia.yaml").write_text("name: a\nname: b", encoding="utf-8")
+    with pytest.raises(InputError, match=r"gaia\.yaml: .*line 2: the key 'name' is here twice"):
+        read_described(folder)
     write(folder, {**CSV, "anchors": "none.csv"})
     with pytest.raises(InputError, match=r"none\.csv: no such file"):
         read_described(folder)

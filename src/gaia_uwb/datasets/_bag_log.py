@@ -8,8 +8,9 @@ from pathlib import Path
 from gaia_uwb.datasets._bag_files import MAX_FILE_BYTES, Bag, Message, open_bag
 from gaia_uwb.datasets._logs import check_file
 from gaia_uwb.errors import InputError
+from gaia_uwb.strict_yaml import YamlError, read_yaml
 
-_MAX_METADATA = 4 * 2**20
+_MAX_METADATA = 2 * 2**20
 _MAX_FILES = 1000
 
 
@@ -36,20 +37,17 @@ def open_log(path: Path) -> tuple[list[Bag], bool]:
 
 def _storage_files(folder: Path) -> tuple[list[Path], bool]:
     """Return the files that a ROS 2 folder's description names."""
-    import yaml
-
     path = folder / "metadata.yaml"
     check_file(path, _MAX_METADATA)
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = read_yaml(path, most_bytes=_MAX_METADATA)
         information = content["rosbag2_bagfile_information"]
         names = [str(name) for name in information["relative_file_paths"]]
         mode = str(information.get("compression_mode") or "").lower()
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (OSError, YamlError) as error:
+        raise InputError(f"cannot be read: {error}", source=path) from error
+    except (KeyError, TypeError, AttributeError) as error:
         raise InputError("is no description of a ROS 2 recording", source=path) from error
-    except yaml.YAMLError as error:
-        reason = " ".join(str(error).split())[:160]
-        raise InputError(f"cannot be read: {reason}", source=path) from error
     if mode == "file":
         raise InputError("its files are packed: unpack them with 'ros2 bag convert'", source=path)
     if not 0 < len(names) <= _MAX_FILES:

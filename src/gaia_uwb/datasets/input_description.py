@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
@@ -23,11 +23,11 @@ from gaia_uwb.datasets._logs import check_file
 from gaia_uwb.datasets._stamps import StampOptions
 from gaia_uwb.datasets.csv_map import RangeColumns, TrajectoryColumns
 from gaia_uwb.errors import ConfigError, InputError
+from gaia_uwb.strict_yaml import MAX_BYTES, read_yaml
 
 FILE_NAME = "gaia.yaml"
 """Name of the description within the folder of a log."""
 
-_MAX_BYTES = 2**20
 _MAX_RANGE_FILES = 100
 
 
@@ -134,17 +134,14 @@ def read_description(path: Path) -> InputDescription:
     ConfigError
         If a key is unknown or missing, or a value is impossible: the message names the key.
     """
-    import yaml
-
-    check_file(path, _MAX_BYTES)
+    check_file(path, MAX_BYTES)
     try:
-        content: Any = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = read_yaml(path)
         return InputDescription.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
         key = " ".join(".".join(map(str, first["loc"])).split()) or "top level"
         message = " ".join(first["msg"].removeprefix("Value error, ").split())
         raise ConfigError(f"{path}: {key[:100]}: {message[:200]}") from error
-    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise InputError(f"cannot be read: {reason}", source=path) from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read: {error}", source=path) from error

@@ -41,6 +41,7 @@ from gaia_uwb.datasets._places import Places, first_place, place_kinds, to_place
 from gaia_uwb.datasets._table import Table, read_names, read_table
 from gaia_uwb.errors import InputError, SourceError
 from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory, Truth
+from gaia_uwb.strict_yaml import read_yaml
 
 _SCENE_FILE = "scene.yaml"
 _TABLES = ("trajectory", "ranges", "anchors")
@@ -52,7 +53,6 @@ _TRUTH = {
     "outlier": Kind.FLAG,
     "true_bias_m": Kind.OPTIONAL,
 }
-_MAX_SCENE_FILE_BYTES = 2**20
 
 
 class _FrameContent(Settings):
@@ -219,20 +219,15 @@ def _need(folder: Path, table: str) -> Path:
 def _read_scene_file(path: Path) -> _SceneContent:
     if not path.exists():
         return _SceneContent()
-    import yaml
-
     try:
-        if path.stat().st_size > _MAX_SCENE_FILE_BYTES:
-            raise InputError("is too large for a description of a scene", source=path)
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = read_yaml(path)
         return _SceneContent.model_validate({} if content is None else content)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"]))
         raise InputError(f"{key or 'top level'}: {first['msg']}", source=path) from error
-    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise InputError(f"cannot be read: {reason}", source=path) from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read: {error}", source=path) from error
 
 
 def _read_trajectory(path: Path) -> Table:

@@ -24,6 +24,7 @@ from gaia_uwb.simulate.settings import (
     RangingConfig,
     RoadConfig,
 )
+from gaia_uwb.strict_yaml import read_yaml
 
 __all__ = [
     "DEFAULT_PRESET",
@@ -56,23 +57,19 @@ def load_preset(path: Path) -> PassConfig:
     Raises
     ------
     ConfigError
-        If the file cannot be read, is not YAML, holds an unknown key or an impossible value.
+        If the file cannot be read, is not YAML, holds a key twice, an unknown key or an impossible
+        value.
     """
-    import yaml
-
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = read_yaml(path)
         return PassConfig.model_validate({} if content is None else content)
     except ValidationError as error:
         problems = (
             f"{'.'.join(map(str, e['loc'])) or 'preset'}: {e['msg']}" for e in error.errors()
         )
         raise ConfigError(f"{path}: {'; '.join(problems)}") from error
-    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        # A ValueError: not UTF-8, or an impossible date; a RecursionError: nested beyond reason.
-        raise ConfigError(
-            f"{path}: cannot read a preset: {' '.join(str(error).split())}"
-        ) from error
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: cannot read a preset: {error}") from error
 
 
 def find_preset(name: str) -> PassConfig:

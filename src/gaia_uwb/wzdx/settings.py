@@ -21,10 +21,9 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, mo
 
 from gaia_uwb.config import Settings
 from gaia_uwb.errors import ConfigError
+from gaia_uwb.strict_yaml import read_yaml
 from gaia_uwb.wzdx.dates import EXPECTED, in_utc, parse_date
 from gaia_uwb.wzdx.words import Direction, EventStatus, Profile, VehicleImpact, WorkZoneType
-
-_LARGEST_FILE = 1_000_000  # characters of settings
 
 
 def _as_date(value: object) -> object:
@@ -159,19 +158,13 @@ def load_feed_config(path: Path, changes: Mapping[str, object] | None = None) ->
     Raises
     ------
     ConfigError
-        If the file cannot be read, is not YAML, holds an unknown key or an impossible value.
+        If the file cannot be read, is not YAML, holds a key twice, an unknown key or an impossible
+        value.
     """
-    import yaml
-
     try:
-        with path.open(encoding="utf-8") as file:
-            text = file.read(_LARGEST_FILE + 1)
-        if len(text) > _LARGEST_FILE:
-            raise ConfigError(f"{path}: too large for settings")
-        content = yaml.safe_load(text)
-    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        reason = " ".join(str(error).split())
-        raise ConfigError(f"{path}: cannot read settings: {reason}") from error
+        content = read_yaml(path)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: cannot read settings: {error}") from error
     if isinstance(content, dict) and changes:
         content = content | dict(changes)
     return make_feed_config({} if content is None else content, source=str(path))
