@@ -369,3 +369,45 @@ def test_scenes_of_one_name_do_not_overwrite_each_other(tmp_path: Path) -> None:
     assert all(folder.parent == tmp_path and "\0" not in folder.name for folder in folders)
     assert cli._folders(tmp_path, ["LOS/A/1", "LOS/A/2"])[0] == tmp_path / "LOS-A-1"
     assert cli._folders(tmp_path, ["any/name"]) == [tmp_path]
+    assert cli._folders(tmp_path, ["any/name"], several=True) == [tmp_path / "any-name"]
+
+
+def test_one_bad_log_of_several_is_left_out(run, log: Path, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    logs = tmp_path / "logs"
+    for name in ("a", "b", "c", "d"):
+        shutil.copytree(log, logs / name)
+        (logs / name / "scene.yaml").write_text(f"name: {name}\n", encoding="utf-8")
+    (logs / "b" / "ranges.csv").write_text("t_s,anchor_id,range_m\n1,x,far\n", encoding="utf-8")
+    drive = logs / "c" / "trajectory.csv"  # readable, but parked
+    rows = drive.read_text(encoding="utf-8").splitlines()
+    parked = [",".join([row.split(",")[0], *rows[1].split(",")[1:]]) for row in rows[1:]]
+    drive.write_text("\n".join([rows[0], *parked]), encoding="utf-8")
+    code, out, err = run("reconstruct", logs, "--out", tmp_path / "out")
+    assert code == 2
+    lines = [line for line in err.splitlines() if line.startswith("gaia: ")]
+    assert lines[0].startswith("gaia: left out: ")
+    assert "row 2, column range_m: expected a finite number, got 'far'" in lines[0]
+    assert lines[1].startswith("gaia: left out: c: the vehicle hardly moves")
+    assert lines[2:] == ["gaia: 2 of 4 logs were left out"]
+    assert "a: " in out
+    assert "d: " in out
+    for name in ("a", "d"):
+        assert (tmp_path / "out" / name / "report.json").is_file()
+    assert not (tmp_path / "out" / "c" / "report.json").exists()
+
+
+def test_check_says_what_a_log_can_tell(run, log: Path, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    code, out, err = run("data", "check", log, "--json")
+    (report,) = json.loads(out)["reports"]
+    assert (code, err) == (0, "")
+    assert report["drive"]["rate_hz"] == pytest.approx(8.0)
+    assert {"clock", "three_share", "anchors"} <= set(report["observability"])
+    code, out, _ = run("data", "check", "sim:straight")
+    assert code == 1
+    assert "PROBLEM: the path is straight" in out
+    (tmp_path / "trajectory.csv").write_text("nonsense", encoding="utf-8")
+    code, out, _ = run("data", "check", tmp_path, "--json")
+    (report,) = json.loads(out)["reports"]
+    assert code == 2
+    assert (report["readable"], report["observability"]) == (False, None)
+    assert len(report["problems"]) == 1

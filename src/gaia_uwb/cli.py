@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from gaia_uwb.cli_data import data_app
 from gaia_uwb.cli_learning import train
 from gaia_uwb.cli_options import (
     ConfigOption,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gaia_uwb.config import PipelineConfig
+    from gaia_uwb.errors import GaiaError
     from gaia_uwb.simulate.settings import PassConfig
 
 UNRELIABLE, BAD_INPUT, INTERRUPTED = 1, 2, 130
@@ -43,7 +45,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-data_app = typer.Typer(help="List, fetch and check data.", no_args_is_help=True)
 app.add_typer(data_app, name="data")
 app.add_typer(reproduce_app, name="reproduce")
 app.add_typer(wzdx_app, name="wzdx")
@@ -98,24 +99,31 @@ def reconstruct(
     svg: Annotated[bool, typer.Option("--svg", help="Write plot.svg beside plot.png.")] = False,
 ) -> None:
     """Locate the cones and draw the boundary from the log of a drive."""
+    from gaia_uwb.errors import InputError
     from gaia_uwb.evaluate import reconstruct_and_score
     from gaia_uwb.files import OutputFolder
     from gaia_uwb.pipeline import ReconstructionStatus
     from gaia_uwb.report import write_all
-    from gaia_uwb.sources import load_scenes
+    from gaia_uwb.sources import load_readable
 
     settings = _settings(config, denoiser, solver)
     OutputFolder(out)
-    scenes = load_scenes(source, data_dir=data_dir)
+    scenes, failures = load_readable(source, data_dir=data_dir)
+    n_logs = len(scenes) + len(failures)
     reliable = True
     with progress_bar() as progress:
-        folders = _folders(out, [scene.name for scene in scenes])
+        folders = _folders(out, [scene.name for scene in scenes], several=n_logs > 1)
         runs = list(zip(scenes, folders, strict=True))
         for scene, folder in track(progress, runs, "reconstruct"):
-            result, metrics = reconstruct_and_score(scene, settings)
+            try:
+                result, metrics = reconstruct_and_score(scene, settings)
+            except InputError as error:
+                failures.append(error)
+                continue
             paths = write_all(result, folder, metrics, svg=svg)
             reliable &= result.status is ReconstructionStatus.OK
             print_summary(progress, result, metrics, paths)
+    _stop_at(failures, n_logs)
     if not reliable:
         raise typer.Exit(UNRELIABLE)
 
@@ -223,53 +231,6 @@ def evaluate(
     print_results(results, path)
 
 
-@data_app.command("list")
-def data_list(data_dir: DataDirOption = None) -> None:
-    """List the data sets that GAIA knows, and whether they are here."""
-    from gaia_uwb.datasets import REGISTRY
-    from gaia_uwb.datasets.fetch import data_folder
-
-    base = data_folder(data_dir)
-    for name, entry in REGISTRY.items():
-        state = "present" if (base / name).is_dir() else "not here"
-        typer.echo(f"{name}  [{state}]  {entry.description}")
-        typer.echo(f"    licence {entry.licence}; {entry.citation}")
-    typer.echo(f"data folder: {base}")
-
-
-@data_app.command("fetch")
-def data_fetch(
-    name: Annotated[str, typer.Argument(help="Name of a data set, see 'gaia data list'.")],
-    data_dir: DataDirOption = None,
-    base_url: Annotated[
-        str | None, typer.Option(help="Address or folder of a mirror of the data set's files.")
-    ] = None,
-) -> None:
-    """Download a data set, file by file, each checked; call it again to go on."""
-    from gaia_uwb.datasets.fetch import fetch
-
-    with progress_bar() as progress:
-        task = progress.add_task(f"fetch {name}", total=None)
-
-        def show(done: int, total: int) -> None:
-            progress.update(task, completed=done, total=total)
-
-        folder = fetch(name, data_dir, base_url=base_url, progress=show)
-    typer.echo(f"{name} is complete in {folder}")
-
-
-@data_app.command("check")
-def data_check(source: SourceArgument, data_dir: DataDirOption = None) -> None:
-    """Say what a log holds, what is wrong with it and how much of it is usable."""
-    from gaia_uwb.sources import check_source
-
-    reports = check_source(source, data_dir=data_dir)
-    for report in reports:
-        typer.echo("\n".join(map(plain, report.lines())))
-    if not all(report.readable for report in reports):
-        raise typer.Exit(BAD_INPUT)
-
-
 def main() -> None:
     """Run the command line; the entry point of ``gaia``."""
     import gc
@@ -302,9 +263,19 @@ def _stop(message: str, code: int = BAD_INPUT) -> NoReturn:
     sys.exit(code)
 
 
-def _folders(out: Path, names: Sequence[str]) -> list[Path]:
-    """Return a folder for each scene's results, all different and inside ``out``."""
-    if len(names) == 1:
+def _stop_at(failures: Sequence[GaiaError], n_logs: int) -> None:
+    """Tell which logs of several were left out; of a single log the error is the command's own."""
+    if n_logs == 1 and failures:
+        raise failures[0]
+    for error in failures:
+        sys.stderr.write(f"gaia: left out: {plain(' '.join(str(error).split()))}\n")
+    if failures:
+        _stop(f"{len(failures)} of {n_logs} logs were left out")
+
+
+def _folders(out: Path, names: Sequence[str], *, several: bool = False) -> list[Path]:
+    """Return a folder for each scene's results, all different; one that is all of it gets out."""
+    if len(names) == 1 and not several:
         return [out]
     safe = [plain(name).replace("/", "-").replace("\n", " ").lstrip(".")[:100] for name in names]
     if "" in safe or len(set(safe)) < len(safe):

@@ -14,7 +14,7 @@ from gaia_uwb.datasets.check import CheckReport, check_scene
 from gaia_uwb.datasets.described import is_described, read_described
 from gaia_uwb.datasets.fetch import dataset_folder
 from gaia_uwb.datasets.native import is_native, read_with_notes
-from gaia_uwb.errors import ConfigError, InputError, SourceError
+from gaia_uwb.errors import ConfigError, GaiaError, InputError, SourceError
 from gaia_uwb.scene import Scene
 
 SIMULATOR = "sim"
@@ -103,6 +103,40 @@ def load_scenes(source: str | Path, *, data_dir: Path | None = None) -> list[Sce
         )
         return scenes
     return [_read_log(path)[0] for path in _logs(source)]
+
+
+def load_readable(
+    source: str, *, data_dir: Path | None = None
+) -> tuple[list[Scene], list[GaiaError]]:
+    """Load what can be read of the logs in a folder; the errors of the others come beside it.
+
+    Parameters
+    ----------
+    source, data_dir
+        Like :func:`load_scenes`.
+
+    Returns
+    -------
+    list of Scene
+        None if no log can be read.
+    list of GaiaError
+        One per log that cannot be read.
+
+    Raises
+    ------
+    SourceError, InputError, ConfigError
+        Like :func:`load_scenes`, but not for one log of a folder.
+    """
+    if source.partition(":")[0] in {SIMULATOR, *REGISTRY}:
+        return load_scenes(source, data_dir=data_dir), []
+    scenes: list[Scene] = []
+    errors: list[GaiaError] = []
+    for path in _logs(source):
+        try:
+            scenes.append(_read_log(path)[0])
+        except (InputError, ConfigError) as error:
+            errors.append(error)
+    return scenes, errors
 
 
 def check_source(source: str, *, data_dir: Path | None = None) -> list[CheckReport]:

@@ -100,6 +100,7 @@ def _check_plain(text: str) -> None:
     import yaml
 
     depth = documents = 0
+    event: Any
     for event in yaml.parse(text, Loader=_loader()):
         if isinstance(event, yaml.AliasEvent):
             raise _error(event.start_mark, f"write out what *{event.anchor[:40]} stands for")

@@ -150,6 +150,15 @@ def test_lines_are_text_for_people() -> None:
         "0.0%   100%",
         "  c                  595   10.0      0    0.1 s   100.0%     0.0%     0.00%    0.00%     "
         "0.0%   100%",
+        "  clock offset: none taken out, may be +- 0.500 s: this drive cannot tell it (too "
+        "straight and too steady)",
+        "  heard: at least one anchor in 100% of the seconds, at least three in 100%",
+        "  anchor         nearest   view     DOP   side of the path",
+        "  a               20.0 m   356°     0.5   told",
+        "  b               17.0 m   356°     0.5   told",
+        "  c               17.0 m   356°     0.5   told",
+        "  DOP: metres that a place errs per metre of range error that lasts; 2 is good, above 5 "
+        "poor",
         "  note: the place on Earth is unknown: there will be no map",
         "  no problems found",
     ]

@@ -9,7 +9,7 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.datasets._cells import Kind
-from gaia_uwb.datasets._plausible import check_geodetic, check_near
+from gaia_uwb.datasets._plausible import check_geodetic, check_near, check_site
 from gaia_uwb.datasets._table import Table, read_names
 from gaia_uwb.errors import InputError
 from gaia_uwb.projection import to_local
@@ -66,9 +66,11 @@ def to_places(table: Table, frame: LocalFrame | None) -> Places:
     Raises
     ------
     InputError
-        If places on Earth are impossible, far from the frame's origin, or there is no frame.
+        If places are impossible, far from the frame's origin or each other, or those on Earth have
+        no frame.
     """
     up_m = table.get("up_m")
+    check_site(table)
     if "east_m" in table:
         return Places(np.column_stack([table["east_m"], table["north_m"]]), up_m)
     position_m = np.full((len(table), 2), np.nan)

@@ -15,6 +15,9 @@ MAX_STEP_S = 10.0
 MAX_DISTANCE_M = 50_000.0
 """Further from the local frame's origin than this, a place is an error, not a drive."""
 
+_LEAST_STEP_S = 1e-9
+_ABSURD_M = 1e9  # a radio's garbage, like 2^32 millimetres, is below: that is a spike
+_EARTH_M = 2.1e7  # half of its girth: grids like UTM count in metres from far away
 _MILLIMETRES_ABOVE_M = 1_000.0  # UWB reaches 500 m at best
 _EPOCH_UNITS = ((1e17, "nanoseconds"), (1e14, "microseconds"), (1e11, "milliseconds"))
 
@@ -48,8 +51,9 @@ def check_timeline(trajectory: Table) -> None:
     if len(t_s) < 2:
         raise trajectory.error(f"expected at least 2 samples, got {len(t_s)}", column="t_s")
     step_s = np.diff(t_s)
-    if (step_s <= 0).any():
-        k = int(np.argmax(step_s <= 0))
+    stands = step_s <= _LEAST_STEP_S
+    if stands.any():
+        k = int(np.argmax(stands))
         problem = f"expected increasing time, got {t_s[k + 1]:.6f} s after {t_s[k]:.6f} s"
         raise trajectory.error(problem, index=k + 1, column="t_s")
     if np.median(step_s) >= MAX_STEP_S:
@@ -98,6 +102,33 @@ def check_near(
         raise table.error(problem, index=index, column=column)
 
 
+def check_site(table: Table) -> None:
+    """Refuse local places that are no metres on one site; an unknown place is not wrong.
+
+    Raises
+    ------
+    InputError
+        If a coordinate is larger than any on Earth, a horizontal one further than
+        :data:`MAX_DISTANCE_M` from the middle one, or a height further than 100 km from 0.
+    """
+    for name, bound in (("east_m", _EARTH_M), ("north_m", _EARTH_M), ("up_m", 1e5)):
+        values = table.get(name)
+        if values is None or not np.isfinite(values).any():
+            continue
+        wrong = np.abs(values) > bound
+        if wrong.any():
+            index = int(np.argmax(wrong))
+            problem = f"expected metres within +-{bound:g}, got {values[index]:g}"
+            raise table.error(problem, index=index, column=name)
+        away_m = np.abs(values - np.nanmedian(values))
+        if name != "up_m" and np.nanmax(away_m) > MAX_DISTANCE_M:
+            index = int(np.nanargmax(away_m))
+            problem = (
+                f"expected a place near the others, got one {away_m[index] / 1000:,.0f} km away"
+            )
+            raise table.error(problem, index=index, column=name)
+
+
 def check_unique_readings(ranges: Table) -> None:
     """Refuse two readings of one anchor at one time.
 
@@ -122,7 +153,8 @@ def check_one_drive(ranges: Table, trajectory: Table, position_m: Float64[Array,
     Raises
     ------
     InputError
-        If their times do not overlap, or half of the ranges are longer than 1,000 m.
+        If their times do not overlap, half of the ranges are longer than 1,000 m, or one is beyond
+        all reason.
     """
     first_s, last_s = trajectory["t_s"][[0, -1]]
     t_s = ranges["t_s"]
@@ -133,7 +165,12 @@ def check_one_drive(ranges: Table, trajectory: Table, position_m: Float64[Array,
             source=ranges.path,
             column="t_s",
         )
-    median_m = float(np.median(np.abs(ranges["range_m"])))
+    length_m = np.abs(ranges["range_m"])
+    if length_m.max() > _ABSURD_M:
+        index = int(np.argmax(length_m))
+        problem = f"expected metres, got {ranges['range_m'][index]:g}"
+        raise ranges.error(problem, index=index, column="range_m")
+    median_m = float(np.median(length_m))
     if median_m > _MILLIMETRES_ABOVE_M:
         extent_m = float(np.hypot(*np.ptp(position_m, axis=0)))
         problem = (

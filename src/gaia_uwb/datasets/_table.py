@@ -10,7 +10,9 @@ than :data:`MAX_ROWS` rows is refused before it is read.
 from __future__ import annotations
 
 import difflib
+import os
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -27,6 +29,7 @@ MAX_ROWS = 16_000_000
 """Most rows of one table; reading so many ranges takes about 2 GiB of memory."""
 
 _CHUNK_BYTES = 16 * 2**20
+_STDERR = 2
 
 
 @dataclass(frozen=True)
@@ -246,12 +249,33 @@ def _read_errors(path: Path) -> Iterator[None]:
     import polars as pl
 
     try:
-        yield
+        with _quiet():
+            yield
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", source=path) from error
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+    except pl.exceptions.PanicException as error:
+        raise InputError("cannot be read: it is damaged", source=path) from error
+    except pl.exceptions.PolarsError as error:
         reason = " ".join(str(error).split())[:200]
         raise InputError(f"cannot be read: {reason}", source=path) from error
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep libraries off stderr: where a damaged file makes polars panic, it prints a trace."""
+    try:
+        sys.stderr.flush()
+        kept = os.dup(_STDERR)
+    except (OSError, ValueError, AttributeError):  # nobody listens
+        yield
+        return
+    try:
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), _STDERR)
+        yield
+    finally:
+        os.dup2(kept, _STDERR)
+        os.close(kept)
 
 
 def _first_refused(frame: Any, kinds: Mapping[str, Kind]) -> tuple[str, int] | None:

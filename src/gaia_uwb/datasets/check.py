@@ -1,19 +1,21 @@
 """What a log holds, how much of it is usable, and what stands in the way, in plain words.
 
-These are looks at the raw log: nothing here is estimated, aligned or denoised, and nothing of the
-truth is used. "Usable" leaves out readings that cannot help whatever is done with them later:
-outside the trajectory's time, negative, spikes, and repeats of the reading before.
+These are looks at the raw log: nothing here is denoised or reconstructed, and nothing of the truth
+is used. "Usable" leaves out readings that cannot help whatever is done with them later: outside the
+trajectory's time, negative, and spikes. What the geometry allows is in ``observability.py``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from gaia_uwb._typing import Array, Bool, Float64
+from gaia_uwb.datasets.observability import Observability, observe
 from gaia_uwb.datasets.outdoor_static import StaticFile, load_static
 from gaia_uwb.errors import GaiaError
 from gaia_uwb.scene import Scene, Trajectory
@@ -109,6 +111,8 @@ class CheckReport:
         The scene's or the source's name.
     drive, anchors
         The numbers; ``None`` and empty where the log could not be read.
+    observability
+        What the log can tell; ``None`` where the vehicle is parked or no reading is usable.
     problems
         What will spoil a reconstruction, or why the log cannot be read.
     notes
@@ -120,6 +124,7 @@ class CheckReport:
     name: str
     drive: DriveCheck | None = None
     anchors: tuple[AnchorCheck, ...] = ()
+    observability: Observability | None = None
     problems: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     readable: bool = True
@@ -141,11 +146,29 @@ class CheckReport:
         if self.anchors:
             lines.append(_HEADING)
             lines += [_anchor_line(anchor) for anchor in self.anchors]
+        if self.observability is not None:
+            lines += self.observability.lines()
         lines += [f"  note: {note}" for note in self.notes]
         lines += [f"  PROBLEM: {problem}" for problem in self.problems]
         if not self.problems:
             lines.append("  no problems found")
         return lines
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the report as plain values; a number that is not finite is None."""
+        content: dict[str, Any] = _finite(asdict(self))
+        return content
+
+
+def _finite(value: Any) -> Any:
+    match value:
+        case dict():
+            return {key: _finite(inner) for key, inner in value.items()}
+        case list() | tuple():
+            return [_finite(inner) for inner in value]
+        case float() if not np.isfinite(value):
+            return None
+    return value
 
 
 _HEADING = (
@@ -189,12 +212,17 @@ def check_scene(scene: Scene, notes: tuple[str, ...] = ()) -> CheckReport:
     """
     drive = _check_drive(scene.trajectory)
     anchors = tuple(_check_anchor(scene, index) for index in range(scene.n_anchors))
+    moves = drive.extent_m >= PARKED_BELOW_M
+    heard = any(anchor.usable_share > 0 for anchor in anchors)
+    found = observe(scene.without_truth()) if moves and heard else None
+    problems, more = ((), ()) if found is None else (tuple(found.problems()), tuple(found.notes()))
     return CheckReport(
         name=scene.name,
         drive=drive,
         anchors=anchors,
-        problems=tuple(_problems(drive, anchors)),
-        notes=(*notes, *_notes(scene, drive, anchors)),
+        observability=found,
+        problems=(*_problems(drive, anchors), *problems),
+        notes=(*notes, *_notes(scene, drive, anchors), *more),
     )
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -22,11 +23,13 @@ from gaia_uwb.datasets._stamps import StampOptions, Stamps
 from gaia_uwb.datasets._table import Table, read_table
 from gaia_uwb.errors import InputError
 
+_Name = Annotated[str, Field(min_length=1)]
+
 
 class Column(Settings):
     """A column and its unit."""
 
-    column: str = Field(min_length=1)
+    column: _Name
     """Its name in the file."""
     scale: float = Field(default=1.0, ge=1e-12, le=1e12)
     """Our unit (seconds, metres, degrees, dBm) per unit of the file."""
@@ -34,16 +37,19 @@ class Column(Settings):
     """Dates and times instead of numbers (``t_s`` only)."""
 
 
+_Given = _Name | Column
+
+
 class TrajectoryColumns(Settings):
     """Where a table keeps the trajectory: on Earth, or on site."""
 
-    t_s: str | Column = "t_s"
-    lat: str | Column | None = None
-    lon: str | Column | None = None
-    alt_m: str | Column | None = None
-    east_m: str | Column | None = None
-    north_m: str | Column | None = None
-    up_m: str | Column | None = None
+    t_s: _Given = "t_s"
+    lat: _Given | None = None
+    lon: _Given | None = None
+    alt_m: _Given | None = None
+    east_m: _Given | None = None
+    north_m: _Given | None = None
+    up_m: _Given | None = None
 
     @model_validator(mode="after")
     def _one_kind_of_place(self) -> TrajectoryColumns:
@@ -61,12 +67,12 @@ class TrajectoryColumns(Settings):
 class RangeColumns(Settings):
     """Where a table keeps the ranges: one per row, or one column per anchor."""
 
-    t_s: str | Column = "t_s"
-    anchor_id: str | None = None
-    range_m: str | Column | None = None
-    rssi_dbm: str | Column | None = None
-    rssi_fp_dbm: str | Column | None = None
-    anchors: dict[str, str | Column] | None = None
+    t_s: _Given = "t_s"
+    anchor_id: _Name | None = None
+    range_m: _Given | None = None
+    rssi_dbm: _Given | None = None
+    rssi_fp_dbm: _Given | None = None
+    anchors: dict[_Name, _Given] | None = None
     """Anchor -> its column of ranges."""
 
     @model_validator(mode="after")
@@ -188,7 +194,8 @@ def _values(table: Table, name: str, column: Column, stamps: StampOptions) -> Ar
     if name == "anchor_id":
         return values
     if not column.iso:
-        return values if column.scale == 1 else np.asarray(values * column.scale)
+        with np.errstate(over="ignore"):  # what comes out as infinite is refused as such
+            return values if column.scale == 1 else np.asarray(values * column.scale)
     if name != "t_s":
         raise InputError("iso is for t_s only", source=table.path, column=column.column)
     reader = Stamps(stamps)
