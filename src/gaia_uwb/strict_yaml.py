@@ -103,7 +103,8 @@ def _check_plain(text: str) -> None:
     event: Any
     for event in yaml.parse(text, Loader=_loader()):
         if isinstance(event, yaml.AliasEvent):
-            raise _error(event.start_mark, f"write out what *{event.anchor[:40]} stands for")
+            name = str(event.anchor)[:40]
+            raise _error(event.start_mark, f"write out what *{name} stands for")
         if getattr(event, "tag", None) is not None:
             raise _error(event.start_mark, f"write plain values, without the tag {event.tag[:40]}")
         documents += isinstance(event, yaml.DocumentStartEvent)
