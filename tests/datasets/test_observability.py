@@ -7,6 +7,7 @@ import pytest
 
 from gaia_uwb.datasets.observability import STRETCH_S, AnchorView, Observability, observe
 from gaia_uwb.episode import ClockOffset
+from gaia_uwb.pipeline import reconstruct
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
 from gaia_uwb.simulate import PRESETS, simulate_pass
 
@@ -102,7 +103,12 @@ def test_sides_that_are_told_are_right_and_a_straight_road_tells_none() -> None:
         assert scene.truth is not None
         views = observe(scene).anchors
         assert [v.anchor_id for v in views] == list(scene.anchor_ids)
-        told += sum(v.side_told for v in views)
+        if any(v.side_told for v in views):
+            fixes = reconstruct(scene).anchors
+            place_m = np.array([fix.position_m for fix in fixes])
+            error_m = np.linalg.norm(place_m - scene.truth.anchor_m, axis=1)
+            assert error_m[[v.side_told for v in views]].max() < 1.0
+            told += sum(v.side_told for v in views)
         straight = observe(simulate_pass(PRESETS["straight"], seed=seed))
         assert not any(v.side_told for v in straight.anchors)
     assert told > 12
@@ -118,4 +124,4 @@ def test_words() -> None:
     assert found.lines()[3] == "  c0               3.0 m   150°     1.5   open"
     assert found.lines()[-2] == "  d                9.0 m     3°     inf   open"
     (note,) = found.notes()
-    assert note.startswith("anchors c0, c1, c2, c3, c4 and 3 more: on which side of the path")
+    assert note.startswith("anchors c0, c1, c2, c3, c4 and 3 more: the ranges alone leave the side")

@@ -146,8 +146,8 @@ class Observability:
 
 
 _OPEN = (
-    "on which side of the path is left open by the ranges alone; the zone as a whole may tell, "
-    "and weaving once, a bend or a second pass on another line does"
+    "the ranges alone leave the side of the path open; the zone as a whole may tell it, and a "
+    "bend, weaving once or a second pass on another line does"
 )
 
 
