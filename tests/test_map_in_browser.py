@@ -130,7 +130,8 @@ def test_inner_and_outer_outline_are_drawn_where_they_are_known(
         "outer-most": None,
     }
     for role, geometry in areas.items():
-        features["features"].insert(1, {"geometry": geometry, "properties": {"role": role}})
+        properties = {"role": role, "area_m2": 9.5 if role == "inner" else 1210.0}
+        features["features"].insert(1, {"geometry": geometry, "properties": properties})
     page = tmp_path / "outlines.html"
     page.write_text(map_page(reconstruction, features, make_report(reconstruction)), "utf-8")
     show(chromium, page)
@@ -138,6 +139,10 @@ def test_inner_and_outer_outline_are_drawn_where_they_are_known(
     for role in ("inner", "outer"):
         (drawn,) = chromium.evaluate(pieces % role)
         assert len(drawn) == 3  # two rings each, and what follows the last z
+    assert (
+        "12.0 m² (at least 9.5 m², at most 1,210 m², each with 90 %)"
+        in (texts(chromium, "#status")[0])
+    )
     legend = texts(chromium, "#legend div")
     assert "all of this is work zone (90 %)" in legend
     assert "no work zone beyond this (90 %)" in legend

@@ -44,7 +44,7 @@ def map_page(
     """
     data = {
         "features": features,
-        "report": report,
+        "report": {**report, "boundary": _without_grid(report["boundary"])},
         "timeline": _timeline(reconstruction),
         "messages": {status.value: status.message for status in AnchorStatus},
     }
@@ -65,6 +65,13 @@ def map_page(
     ):
         page = page.replace(place, content)
     return page
+
+
+def _without_grid(boundary: object) -> object:
+    """Return a report's boundary without its probability grid, which would be most of the page."""
+    if not isinstance(boundary, Mapping):
+        return boundary
+    return {name: value for name, value in boundary.items() if name != "uncertainty"}
 
 
 def _asset(name: str) -> str:

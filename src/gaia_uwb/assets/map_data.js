@@ -50,7 +50,7 @@ const seconds = (step) => `${timeline.t_s[step].toFixed(1)} s`;
 
 // Areas to three figures or to a tenth of a square metre, whichever is less.
 function squareMetres(area) {
-  return `${area < 100 ? area.toFixed(1) : Math.round(area).toLocaleString("en-US")} m²`;
+  return `${area < 100 ? area.toFixed(1) : Math.round(area).toLocaleString("en-US")}\u00a0m²`;
 }
 
 function signed(cm) {

@@ -25,7 +25,8 @@ function drawAreas() {
     const corner = ([e, n]) => `${(e - origin[0]).toFixed(4)} ${(n - origin[1]).toFixed(4)}`;
     const d = feature.rings.map((ring) => `M${ring.map(corner).join("L")}z`).join("");
     const layer = feature.role === "ellipse" ? ellipses : areas;
-    svg("path", { class: areaClass(feature.role) + warned(feature.status), d,
+    const other = feature.mirror ? " other" : "";  // the ellipse about the other possible place
+    svg("path", { class: areaClass(feature.role) + warned(feature.status) + other, d,
                   "fill-rule": "evenodd" }, layer);
   }
 }

@@ -123,12 +123,21 @@ function explainPath(id) {
   html("small", "Misfit: measured range minus the distance to the place that was found.", rows);
 }
 
+// Between which areas the zone lies, where the inner and the outer region are known.
+function areaSureness() {
+  const [inner, outer] = ["inner", "outer"].map((role) => all.find((f) => f.role === role));
+  if (!outer || !known(outer.area_m2)) return "";
+  return ` (at least ${squareMetres(inner?.area_m2 ?? 0)}, at most `
+    + `${squareMetres(outer.area_m2)}, each with 90\u00a0%)`;
+}
+
 function tellStatus() {
   document.title = `GAIA: ${report.scene}`;
   byId("scene").textContent = report.scene;
   const good = report.status === "ok", { boundary } = report;
   html("span", good ? "✓ reliable" : "! check before use", byId("status"), `chip${good ? "" : " warn"}`);
-  const area = boundary.status === "ok" ? `the zone covers ${squareMetres(boundary.area_m2)}`
+  const area = boundary.status === "ok"
+    ? `the zone covers ${squareMetres(boundary.area_m2)}${areaSureness()}`
     : boundary.status === "collinear" ? "all cones in one line: no area"
       : "too few cones for a boundary";
   html("span", ` ${cones.size} of ${order.length} cones located, ${area}.`, byId("status"));
