@@ -39,6 +39,7 @@ from gaia_uwb.datasets._places import Places, first_place, place_kinds, to_place
 from gaia_uwb.datasets._scenes import Anchors, make_truth, range_log, read_anchors
 from gaia_uwb.datasets._table import Table, read_names, read_table
 from gaia_uwb.errors import InputError, SourceError
+from gaia_uwb.files import remove_abandoned, temporary_path
 from gaia_uwb.scene import LocalFrame, Scene, Trajectory
 from gaia_uwb.strict_yaml import read_yaml
 
@@ -168,9 +169,10 @@ def write_native(
     0.2,cone-1,12.5
     """
     folder = Path(folder)
-    new = folder / f".{os.getpid()}.partial"
+    new = temporary_path(folder, "scene")
     try:
         new.mkdir(parents=True)
+        remove_abandoned(folder)
         (new / _SCENE_FILE).write_text(_scene_file(scene), encoding="utf-8")
         for table, columns in _tables(scene).items():
             _write_table(columns, new / f"{table}.{file_format}")
