@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from shapely.geometry import LinearRing, shape
 
 from factories import NOWHERE, SITE, SQUARE_M, make_fix, make_reconstruction, make_unlocated
+from gaia_uwb.boundary_uncertainty import BoundaryUncertainty, ProbabilityMap, Region
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.geojson import LOCAL, WGS84, boundary_geojson, confidence_ellipse, lon_lat
 from gaia_uwb.pipeline import Reconstruction
@@ -99,6 +100,50 @@ def test_mirror_places_only_of_ambiguous_cones() -> None:
     mirror = one(collection, "mirror")
     assert mirror["properties"] == {"role": "mirror", "id": "A", "mirror_probability": 0.4}
     assert mirror["geometry"]["coordinates"] == fix.mirror_position_m.tolist()
+
+
+def with_regions(*polygons: tuple[np.ndarray, ...]) -> Reconstruction:
+    """Return a result whose inner region is empty and whose outer one has these polygons."""
+    result = make_reconstruction()
+    nothing = ProbabilityMap(np.zeros(2), 1.0, np.zeros((1, 1)))
+    # What the property would keep when first asked for.
+    vars(result)["boundary_uncertainty"] = BoundaryUncertainty(
+        Region((), 0.0), Region(polygons, 50.0), 0.9, nothing
+    )
+    return result
+
+
+def test_outer_region_in_one_piece_is_a_polygon_and_in_two_a_multipolygon() -> None:
+    hole_m = SQUARE_M[::-1] * 0.1 + 1.0
+    for pieces, kind in (
+        ([(SQUARE_M, hole_m)], "Polygon"),
+        ([(SQUARE_M, hole_m), (SQUARE_M + np.array([0.0, -20.0]),)], "MultiPolygon"),
+    ):
+        outer = one(read_back(with_regions(*pieces), local=True), "outer")
+        assert outer["geometry"]["type"] == kind
+        assert outer["properties"] == {"role": "outer", "probability": 0.9, "area_m2": 50.0}
+        geometry = shape(outer["geometry"])
+        assert geometry.is_valid
+        assert geometry.area == pytest.approx(len(pieces) * 12.0 - 0.12)
+        first, hole = getattr(geometry, "geoms", [geometry])[0].exterior, hole_m
+        assert first.is_ccw and not LinearRing(hole).is_ccw
+
+
+def test_an_empty_region_is_left_out() -> None:
+    assert by_role(read_back(with_regions()), "inner") == []
+    assert by_role(read_back(with_regions()), "outer") == []
+
+
+def test_both_ellipses_of_an_ambiguous_cone() -> None:
+    fix = make_fix("A", SQUARE_M[0], status=AnchorStatus.AMBIGUOUS, mirror_probability=0.4,
+                   mirror_covariance_m2=np.diag([0.01, 0.25]))  # fmt: skip
+    found = by_role(read_back(make_reconstruction(changed={0: fix}), local=True), "ellipse")
+    mirrored = [each for each in found if each["properties"].get("mirror")]
+    assert len(found) == 5
+    (around,) = mirrored
+    assert around["properties"]["sigma_north_m"] == 0.5
+    centre_m = np.array(around["geometry"]["coordinates"][0][:-1]).mean(axis=0)
+    assert centre_m == pytest.approx(fix.mirror_position_m, abs=1e-3)
 
 
 def test_unlocated_cones_are_left_out() -> None:

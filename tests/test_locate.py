@@ -100,6 +100,11 @@ def test_the_covariance_adds_what_the_clock_the_bias_and_the_floor_leave_open():
     assert np.linalg.eigvalsh(clock)[..., 0].min() > -1e-9
     assert 0.1 < np.sqrt(np.median(clock[:, 0, 0, 0])) < 0.5
     known = RangeCalibration(np.zeros(2), np.diag([0.04, 0.01]), 1e-6, 1.0)
+    shared_m = locate_one(
+        replace(episode, calibration=known, clock=ClockOffset(0.0, 0.1, False, "untold")), PURE
+    ).shared_m
+    alike = shared_m @ np.swapaxes(shared_m, -1, -2)
+    assert np.allclose(alike, added(calibration=known) + clock, rtol=0.02, atol=1e-6)
     bias = added(calibration=known)
     assert np.linalg.eigvalsh(bias)[..., 0].min() > -1e-9
     assert bias[..., 0, 0].max() > 1e-3

@@ -100,7 +100,8 @@ def test_a_straight_path_is_unreliable_and_says_so():
     result = reconstruct(make_scene(CONES[:2], bend_m=0.0), RAW)
     assert result.status is ReconstructionStatus.UNRELIABLE
     assert result.reasons == (
-        "anchors cone-0, cone-1: located, but the mirror image beside the path fits nearly as well",
+        "anchors cone-0, cone-1: side unknown: the mirror image across the path fits nearly as "
+        "well",
         "fewer than three anchors were located, so there is no boundary",
     )
 
@@ -143,3 +144,19 @@ def test_what_speaks_against_the_whole_log_makes_it_unreliable():
     assert "check the clocks" in reasons(log.t_s + 2.4, log.range_m)
     assert "check units, clocks" in reasons(log.t_s, log.range_m * 3.28084)
     assert "check the ranges' unit and zero" in reasons(log.t_s, log.range_m + 2.0)
+
+
+def test_a_bent_drive_is_sure_of_its_zone_and_a_straight_one_is_not_sure_of_the_side():
+    bent, straight = (reconstruct(make_scene(bend_m=bend_m)) for bend_m in (4.0, 0.0))
+    area_m2 = bent.boundary.area_m2
+    found = bent.boundary_uncertainty
+    assert 0.7 * area_m2 < found.inner.area_m2 < area_m2 < found.outer.area_m2 < 1.5 * area_m2
+    assert bent.boundary_uncertainty is found  # worked out once
+    assert straight.boundary_uncertainty.inner.area_m2 == 0.0
+    corners_m = np.concatenate([r for p in straight.boundary_uncertainty.outer.polygons for r in p])
+    assert corners_m[:, 1].min() < -10.0 < 4.0 < corners_m[:, 1].max()  # beyond both sides
+    assert any("side unknown" in reason for reason in straight.reasons)
+
+
+def test_fewer_than_three_anchors_have_no_boundary_to_be_unsure_of():
+    assert reconstruct(make_scene(CONES[:2])).boundary_uncertainty is None

@@ -55,6 +55,7 @@ def test_report_has_every_promised_key() -> None:
     assert report["boundary"] == {
         "status": "ok", "area_m2": 12.0, "hull_m": SQUARE_M.tolist(),
         "outline_ids": ["cone-0", "cone-1", "cone-2", "cone-3"],
+        "side_unknown_ids": [], "uncertainty": None,
     }  # fmt: skip
     assert report["frame"] == {"lat_deg": 48.1, "lon_deg": 11.5, "alt_m": 520.0}
     assert report["uncertainty_note"] == UNCERTAINTY_NOTE
@@ -70,7 +71,7 @@ def test_report_of_an_anchor() -> None:
     assert anchors[0] == {
         "id": "A", "east_m": 1.0, "north_m": 2.0, "covariance_m2": [[0.04, 0.01], [0.01, 0.02]],
         "mirror_probability": 0.002, "mirror_east_m": 1.0, "mirror_north_m": -10.0,
-        "status": "ok", "n_ranges": 180, "range_bias_m": 0.05,
+        "mirror_covariance_m2": None, "status": "ok", "n_ranges": 180, "range_bias_m": 0.05,
     }  # fmt: skip
     metres_per_degree = 111_190.0  # of latitude at 48 degrees, to 0.1 %
     assert lat - SITE.lat_deg == pytest.approx(2.0 / metres_per_degree, rel=1e-2)
@@ -159,7 +160,8 @@ def test_anchor_table(written: Path) -> None:
     assert table.columns == [
         "anchor_id", "status", "east_m", "north_m", "lon", "lat", "covariance_ee_m2",
         "covariance_en_m2", "covariance_nn_m2", "mirror_probability", "mirror_east_m",
-        "mirror_north_m", "n_ranges", "range_bias_m",
+        "mirror_north_m", "mirror_covariance_ee_m2", "mirror_covariance_en_m2",
+        "mirror_covariance_nn_m2", "n_ranges", "range_bias_m",
     ]  # fmt: skip
     assert table["anchor_id"].to_list() == ["cone-0", "cone-1", "cone-2", "cone-3"]
     assert table["east_m"].to_list() == [0.0, 4.0, 4.0, None]

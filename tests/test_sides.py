@@ -3,7 +3,6 @@ import pytest
 
 from gaia_uwb import sides
 from gaia_uwb.config import SidesConfig, SolverConfig
-from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.layout_prior import joint_places
 from gaia_uwb.locate import Hypotheses
@@ -29,19 +28,13 @@ def make_hypotheses(n, seed=0, odds=1.0, sigma_m=0.3):
     ), true_m  # fmt: skip
 
 
-def make_episode(n):
-    path = np.stack([np.arange(8.0), np.zeros(8)], axis=1)
-    ids = tuple(f"cone-{k}" for k in range(n))
-    return Episode("pass", ids, np.arange(8.0), path, np.ones((8, n)), np.ones((8, n), dtype=bool))
-
-
 def resolve(found, config=SidesConfig(), solver=SolverConfig()):
-    return resolve_sides(make_episode(len(found.log_odds)), found, config, solver)
+    return resolve_sides([f"cone-{k}" for k in range(len(found.log_odds))], found, config, solver)
 
 
 def total_evidence(found, side):
     rows = np.arange(len(side))
-    share = 1.0 - sides._SHARED_ERRORS
+    share = 1.0 - sides.SHARED_ERRORS
     joint = joint_places(
         found.position_m[rows, side][None], share * found.covariance_m2[rows, side][None]
     )
@@ -57,7 +50,7 @@ def test_the_joint_decision_is_the_best_of_all_combinations(n, climb, monkeypatc
     combinations = (np.arange(2**n)[:, None] >> np.arange(n)) & 1
     evidence = np.array([total_evidence(found, c) for c in combinations])
     best = combinations[evidence.argmax()]
-    weight = np.exp(sides._SHARED_ERRORS * (evidence - evidence.max()))
+    weight = np.exp(sides.SHARED_ERRORS * (evidence - evidence.max()))
     mirror = (weight[:, None] * (combinations != best)).sum(axis=0) / weight.sum()
     for k, fix in enumerate(resolve(found)):
         assert np.array_equal(fix.mirror_position_m, found.position_m[k, 1 - best[k]])

@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
@@ -41,7 +41,7 @@ _CHI_SQUARE_90 = 2.0 * np.log(10.0)  # 90 % quantile with two degrees of freedom
 
 _MESSAGES = {
     AnchorStatus.OK: "located",
-    AnchorStatus.AMBIGUOUS: "located, but the mirror image beside the path fits nearly as well",
+    AnchorStatus.AMBIGUOUS: "side unknown: the mirror image across the path fits nearly as well",
     AnchorStatus.ILL_CONDITIONED: "the ranges fix the position only poorly along some direction",
     AnchorStatus.NOT_CONVERGED: "the solver stopped before it converged",
     AnchorStatus.TOO_FEW_RANGES: "too few usable ranges to locate it",
@@ -70,6 +70,9 @@ class AnchorFix:
         Number of ranges used.
     range_bias_m
         Estimated bias of this anchor's ranges (measured minus true), in metres.
+    mirror_covariance_m2 : (2, 2), optional
+        Covariance of ``mirror_position_m`` given that the anchor stands there, in square metres;
+        NaN where it is unknown.
 
     Raises
     ------
@@ -86,9 +89,17 @@ class AnchorFix:
     status: AnchorStatus
     n_ranges: int
     range_bias_m: float = 0.0
+    mirror_covariance_m2: Float64[Array, "2 2"] = field(
+        default_factory=lambda: np.full((2, 2), np.nan)
+    )
 
     def __post_init__(self) -> None:
-        shapes = {"position_m": (2,), "covariance_m2": (2, 2), "mirror_position_m": (2,)}
+        shapes = {
+            "position_m": (2,),
+            "covariance_m2": (2, 2),
+            "mirror_position_m": (2,),
+            "mirror_covariance_m2": (2, 2),
+        }
         for name, shape in shapes.items():
             check_shape(name, freeze(self, name, getattr(self, name), np.float64), shape)
         if bool(np.isfinite(self.position_m).all()) is not self.status.has_position:

@@ -6,27 +6,33 @@ Features, in drawing order; the property ``role`` tells them apart:
 role          geometry    what it is
 ============  ==========  ===========================================================
 ``path``      LineString  the path of the tag's antenna, thinned
+``outer``     (M)Polygon  with 90 % probability nothing of the work zone is outside
 ``boundary``  Polygon     convex hull of the located cones
+``inner``     (M)Polygon  with 90 % probability all of it is work zone; none if nothing is sure
 ``outline``   Polygon     the outline that visits every located cone
-``ellipse``   Polygon     a cone's 90 % confidence ellipse
+``ellipse``   Polygon     a cone's 90 % confidence ellipse; with ``mirror`` true, that about the
+                          other place of an ambiguous cone
 ``mirror``    Point       the other place of an ambiguous cone
 ``cone``      Point       a located cone, with its status and uncertainty
 ============  ==========  ===========================================================
 
-Coordinates are WGS84 longitude and latitude with nine decimals (0.1 mm), exterior rings run
-counter-clockwise. Where the scene's place on Earth is unknown, no valid coordinates exist: they are
-then east and north in metres, and the member ``gaia.coordinates`` says so.
+An ``(M)Polygon`` is a Polygon or, in several pieces, a MultiPolygon; ``boundary_uncertainty.py``
+defines both regions. Coordinates are WGS84 longitude and latitude with nine decimals (0.1 mm),
+exterior rings run counter-clockwise, holes clockwise. Where the scene's place on Earth is unknown,
+no valid coordinates exist: they are then east and north in metres, and the member
+``gaia.coordinates`` says so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from gaia_uwb._typing import Array, Float64
+from gaia_uwb.boundary_uncertainty import BoundaryUncertainty
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus
 from gaia_uwb.pipeline import Reconstruction
 from gaia_uwb.projection import to_geodetic
@@ -158,7 +164,9 @@ def boundary_geojson(reconstruction: Reconstruction, *, local: bool = False) -> 
         },
         "features": [
             writer.path(reconstruction.episode.position_m),
+            *writer.uncertainty(reconstruction.boundary_uncertainty, "outer"),
             *writer.boundary(reconstruction.boundary, reconstruction.episode.anchor_ids),
+            *writer.uncertainty(reconstruction.boundary_uncertainty, "inner"),
             *writer.anchors(reconstruction.anchors),
         ],
     }
@@ -180,6 +188,20 @@ class _Writer:
         yield self._polygon("boundary", boundary.hull_m, {"area_m2": boundary.area_m2})
         yield self._polygon("outline", boundary.outline_m, {"anchor_ids": visited})
 
+    def uncertainty(
+        self, found: BoundaryUncertainty | None, role: Literal["inner", "outer"]
+    ) -> Iterator[Json]:
+        """Yield the inner or the outer region, unless it is unknown or empty."""
+        if found is None:
+            return
+        region = found.inner if role == "inner" else found.outer
+        pieces = [[self._ring(ring) for ring in rings] for rings in region.polygons]
+        properties: Json = {"probability": found.probability, "area_m2": region.area_m2}
+        if len(pieces) == 1:
+            yield _feature(role, "Polygon", pieces[0], properties)
+        elif pieces:
+            yield _feature(role, "MultiPolygon", pieces, properties)
+
     def anchors(self, anchors: Sequence[AnchorFix]) -> Iterator[Json]:
         """Yield all ellipses, then all mirror places, then all cones, so that cones lie on top."""
         located = [anchor for anchor in anchors if anchor.status.has_position]
@@ -188,13 +210,19 @@ class _Writer:
             if ellipse is not None:
                 outline_m = ellipse.outline_m(anchor.position_m)
                 yield self._polygon("ellipse", outline_m, _described(anchor, ellipse))
-        for anchor in located:
-            if anchor.status is AnchorStatus.AMBIGUOUS:
-                yield self._point(
-                    "mirror",
-                    anchor.mirror_position_m,
-                    {"id": anchor.anchor_id, "mirror_probability": anchor.mirror_probability},
-                )
+        ambiguous = [anchor for anchor in located if anchor.status is AnchorStatus.AMBIGUOUS]
+        for anchor in ambiguous:
+            ellipse = confidence_ellipse(anchor.mirror_covariance_m2)
+            if ellipse is not None:
+                outline_m = ellipse.outline_m(anchor.mirror_position_m)
+                described = _described(anchor, ellipse, mirror=True) | {"mirror": True}
+                yield self._polygon("ellipse", outline_m, described)
+        for anchor in ambiguous:
+            yield self._point(
+                "mirror",
+                anchor.mirror_position_m,
+                {"id": anchor.anchor_id, "mirror_probability": anchor.mirror_probability},
+            )
         for anchor, ellipse in zip(located, ellipses, strict=True):
             yield self._point("cone", anchor.position_m, _described(anchor, ellipse))
 
@@ -205,8 +233,10 @@ class _Writer:
         east, north = (ring_m - ring_m[0]).T
         twice_area = np.sum(east * np.roll(north, -1) - np.roll(east, -1) * north)
         ring_m = ring_m if twice_area >= 0 else ring_m[::-1]
-        closed_m = np.concatenate([ring_m, ring_m[:1]])
-        return _feature(role, "Polygon", [self._coordinates(closed_m)], properties)
+        return _feature(role, "Polygon", [self._ring(ring_m)], properties)
+
+    def _ring(self, ring_m: Float64[Array, "K 2"]) -> list[list[float]]:
+        return self._coordinates(np.concatenate([ring_m, ring_m[:1]]))
 
     def _coordinates(self, position_m: Float64[Array, "K 2"]) -> list[list[float]]:
         places = position_m if self.frame is None else lon_lat(self.frame, position_m)
@@ -222,9 +252,10 @@ def _feature(role: str, geometry: str, coordinates: object, properties: Json) ->
     }
 
 
-def _described(anchor: AnchorFix, ellipse: Ellipse | None) -> Json:
+def _described(anchor: AnchorFix, ellipse: Ellipse | None, *, mirror: bool = False) -> Json:
     """Return what is known of a cone; GIS attribute tables want it flat."""
-    sigma_m = np.sqrt(np.maximum(np.diag(anchor.covariance_m2), 0.0))
+    covariance_m2 = anchor.mirror_covariance_m2 if mirror else anchor.covariance_m2
+    sigma_m = np.sqrt(np.maximum(np.diag(covariance_m2), 0.0))
     east_m, north_m = (float(s) if np.isfinite(s) else None for s in sigma_m)
     return {
         "id": anchor.anchor_id,

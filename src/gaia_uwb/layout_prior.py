@@ -38,12 +38,19 @@ class JointPlaces:
         Most probable places.
     covariance_m2 : (K, L, N, 2, 2)
         Their posterior covariance.
+    own_m2 : (K, L, N, 2, 2)
+        The part of it that is each anchor's own, ``G_i``.
+    pull_per_m2 : (K, L, 2, 2)
+        The rest, through the centre that nobody knows: anchors i and j have the covariance
+        ``G_i pull G_j``.
     log_evidence : (K, L)
         How well combination and prior explain the ranges.
     """
 
     place_m: Float64[Array, "K L N 2"]
     covariance_m2: Float64[Array, "K L N 2 2"]
+    own_m2: Float64[Array, "K L N 2 2"]
+    pull_per_m2: Float64[Array, "K L 2 2"]
     log_evidence: Float64[Array, "K L"]
 
 
@@ -82,14 +89,15 @@ def joint_places(
         place = new
         if moved < 1e-4:
             break
-    covariance, log_det = _posterior(gain, stiffness, n)
+    covariance, pull_per_m2, log_det = _posterior(gain, stiffness, n)
     off = place - place_m[:, None]
     misfit = 0.5 * np.einsum(
         "klni,klnij,klnj->kl", off, np.broadcast_to(precision, gain.shape), off
     )
     price = 0.5 * strength[:, 0, 0] * np.linalg.slogdet(base + _scatter(place))[1]
     normal = np.array([_log_normal(d, s, n) for d, s in prior])
-    return JointPlaces(place, covariance, normal - price - misfit - 0.5 * log_det)
+    evidence = normal - price - misfit - 0.5 * log_det
+    return JointPlaces(place, covariance, gain, pull_per_m2, evidence)
 
 
 def _scatter(place: Float64[Array, "K L N 2"]) -> Float64[Array, "K L 2 2"]:
@@ -99,8 +107,8 @@ def _scatter(place: Float64[Array, "K L N 2"]) -> Float64[Array, "K L 2 2"]:
 
 def _posterior(
     gain: Float64[Array, "K L N 2 2"], stiffness: Float64[Array, "K L 2 2"], n: int
-) -> tuple[Float64[Array, "K L N 2 2"], Float64[Array, "K L"]]:
-    """Return each anchor's posterior covariance and the log determinant of the whole Hessian.
+) -> tuple[Float64[Array, "K L N 2 2"], Float64[Array, "K L 2 2"], Float64[Array, "K L"]]:
+    """Return covariances, their coupling and the log determinant of the whole Hessian.
 
     The Hessian is block diagonal (``inv(gain)``) less the coupling through the common centre, a
     matrix of rank 2, so both follow without ever forming it.
@@ -109,7 +117,7 @@ def _posterior(
     middle = stiffness @ np.linalg.inv(coupling) / n
     covariance = gain + gain @ middle[:, :, None] @ np.swapaxes(gain, -1, -2)
     log_det = np.linalg.slogdet(coupling)[1] - np.linalg.slogdet(gain)[1].sum(axis=2)
-    return 0.5 * (covariance + np.swapaxes(covariance, -1, -2)), log_det
+    return 0.5 * (covariance + np.swapaxes(covariance, -1, -2)), middle, log_det
 
 
 def _log_normal(dof: float, size_m: float, n: int) -> float:

@@ -16,7 +16,7 @@ off, and a floor that no number of ranges improves.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from gaia_uwb._typing import Array, Bool, Float64, Int64
 from gaia_uwb.batch import Chunk, chunks, correlation_lag, normal_sums, with_prior
 from gaia_uwb.config import SolverConfig
 from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.honest_errors import Curves, own_inflation, path_centres, square_root
 from gaia_uwb.multilateration import Solutions, SolverOptions
 
 _NLOS_WEIGHT = 0.2  # the paper's omega for ranges without line of sight
@@ -48,6 +49,16 @@ class Hypotheses:
         Usable ranges.
     converged : (N,)
         Whether both refinements converged.
+    shared_m : (N, 2, 2, 3), optional
+        The part of the errors that is one and the same for all anchors: by how much each place
+        moves with one standard deviation of each of three independent things (two of the
+        calibrated range bias, one of the clock). ``shared_m @ shared_m^T`` is in
+        ``covariance_m2``.
+    inflation : (N,), optional
+        How many times larger than ``covariance_m2`` says each anchor's squared error is, for what
+        is peculiar to this anchor (``honest_errors.py``).
+    centre_m : (N, 2), optional
+        The middle of the stretch of path from which each anchor was ranged.
     """
 
     position_m: Float64[Array, "N 2 2"]
@@ -56,6 +67,28 @@ class Hypotheses:
     own_bias_m: Float64[Array, "N"]
     n_ranges: Int64[Array, "N"]
     converged: Bool[Array, "N"]
+    shared_m: Float64[Array, "N 2 2 3"] | None = None
+    inflation: Float64[Array, "N"] | None = None
+    centre_m: Float64[Array, "N 2"] | None = None
+
+    def curves(self, side: Int64[Array, "N"]) -> Curves | None:
+        """Return along what curves the places on the given sides err; None where unknown."""
+        if self.centre_m is None:
+            return None
+        rows = np.arange(len(side))
+        inflation = np.ones(len(side)) if self.inflation is None else self.inflation
+        covariance_m2 = self.covariance_m2[rows, side] * inflation[:, None, None]
+        place_m, mirror_m = self.position_m[rows, side], self.position_m[rows, 1 - side]
+        return Curves.of(place_m, mirror_m, covariance_m2, self.centre_m)
+
+    def honest_covariance(
+        self, covariance_m2: Float64[Array, "N 2 2"], side: Int64[Array, "N"]
+    ) -> Float64[Array, "N 2 2"]:
+        """Return what is reported of places with linear covariances (``honest_errors.py``)."""
+        if self.inflation is not None:
+            covariance_m2 = covariance_m2 * self.inflation[:, None, None]
+        curves = self.curves(side)
+        return covariance_m2 if curves is None else curves.covariance_m2(covariance_m2)
 
 
 def locate(
@@ -101,7 +134,10 @@ def locate(
         labels = None if nlos is None else [nlos[k] for k in members]
         batch = [episodes[k] for k in members]
         solved = _locate_batch(batch, [ranges[k] for k in members], labels, lag, config)
-        found.update(zip(members, solved, strict=True))
+        found.update(
+            (k, _with_own_errors(episodes[k], places, config))
+            for k, places in zip(members, solved, strict=True)
+        )
     return [found[k] for k in range(len(episodes))]
 
 
@@ -127,18 +163,32 @@ def _locate_batch(
     for chunk in chunks(episodes, [r.range_m for r in ranges], sigma):
         solutions = chunk.solve(options, bias_sigma_m)
         worth = _steps_worth_one(episodes, chunk, solutions)
-        sides = [
-            _covariance(episodes, chunk, solutions, side, bias_sigma_m, worth[..., side], config)
-            for side in (0, 1)
-        ]
-        parts.append(_Part(solutions, np.stack(sides, axis=2)))
+        covariance_m2, shared_m = zip(
+            *(
+                _covariance(
+                    episodes, chunk, solutions, side, bias_sigma_m, worth[..., side], config
+                )
+                for side in (0, 1)
+            ),
+            strict=True,
+        )
+        parts.append(_Part(solutions, np.stack(covariance_m2, axis=2), np.stack(shared_m, axis=2)))
     return [_hypotheses(parts, b, float(correlation[b])) for b in range(len(episodes))]
+
+
+def _with_own_errors(episode: Episode, found: Hypotheses, config: SolverConfig) -> Hypotheses:
+    """Add what the linear covariance leaves out."""
+    inflation = own_inflation(
+        episode, found.position_m, found.own_bias_m, config.error_correlation_s
+    )
+    return replace(found, inflation=inflation, centre_m=path_centres(episode))
 
 
 @dataclass(frozen=True)
 class _Part:
     solutions: Solutions
     covariance_m2: Float64[Array, "B n 2 2 2"]
+    shared_m: Float64[Array, "B n 2 2 3"]
 
 
 def _steps_worth_one(
@@ -175,8 +225,11 @@ def _covariance(
     bias_sigma_m: Float64[Array, "B"],
     worth: Float64[Array, "B n"],
     config: SolverConfig,
-) -> Float64[Array, "B n 2 2"]:
-    """Return the honest covariance of one hypothesis; see the module's text."""
+) -> tuple[Float64[Array, "B n 2 2"], Float64[Array, "B n 2 3"]]:
+    """Return the honest covariance of one hypothesis, and its part that all anchors share.
+
+    See the module's text; the second is how the place moves with what is shared.
+    """
     precision = np.zeros_like(bias_sigma_m)
     np.divide(1.0, bias_sigma_m**2, out=precision, where=bias_sigma_m > 0)
     sides = np.full(solutions.n_ranges.shape, side)
@@ -200,7 +253,11 @@ def _covariance(
     total += clock[..., :, None] * clock[..., None, :] * sigma_s[:, None, None, None] ** 2
     total += config.position_floor_m**2 * np.eye(2)
     total[~np.isfinite(solutions.position_m[:, :, side, 0])] = np.nan
-    return np.asarray(0.5 * (total + np.swapaxes(total, -1, -2)))
+    factors = [
+        shared @ square_root(unsure)[:, None],
+        clock[..., None] * sigma_s[:, None, None, None],
+    ]
+    return np.asarray(0.5 * (total + np.swapaxes(total, -1, -2))), np.concatenate(factors, axis=-1)
 
 
 def _hypotheses(parts: list[_Part], b: int, correlation: float) -> Hypotheses:
@@ -212,6 +269,7 @@ def _hypotheses(parts: list[_Part], b: int, correlation: float) -> Hypotheses:
     odds = fit[rows[:, 0], order[:, 1]] - fit[rows[:, 0], order[:, 0]]
     position = np.concatenate([p.solutions.position_m[b] for p in parts])
     covariance = np.concatenate([p.covariance_m2[b] for p in parts])
+    shared = np.concatenate([p.shared_m[b] for p in parts])
     bias = np.concatenate([p.solutions.bias_m[b] for p in parts])
     alike = np.concatenate([p.solutions.correlation[b] for p in parts])[rows[:, 0], first]
     return Hypotheses(
@@ -221,4 +279,5 @@ def _hypotheses(parts: list[_Part], b: int, correlation: float) -> Hypotheses:
         own_bias_m=np.nan_to_num(bias[rows[:, 0], first], nan=0.0),
         n_ranges=np.concatenate([p.solutions.n_ranges[b] for p in parts]),
         converged=np.concatenate([p.solutions.converged[b].all(axis=1) for p in parts]),
+        shared_m=shared[rows, order],
     )

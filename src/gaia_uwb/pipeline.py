@@ -15,20 +15,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 
 from gaia_uwb._typing import Array, Bool
 from gaia_uwb.alignment import align
+from gaia_uwb.boundary_uncertainty import BoundaryUncertainty, boundary_uncertainty
 from gaia_uwb.calibration import calibrate
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoisers import make_denoiser
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus
 from gaia_uwb.geometry import make_boundary
-from gaia_uwb.locate import locate
+from gaia_uwb.locate import Hypotheses, locate
 from gaia_uwb.scene import Scene
-from gaia_uwb.sides import resolve_sides
+from gaia_uwb.scene_samples import sample_scenes
+from gaia_uwb.sides import Combinations, decide_sides
 
 _MISFIT_M = 1.0  # ranges of a working radio on a known path err by less
 _BIAS_SIGMA = 4.0  # a range bias so many prior standard deviations from 0 is none of a radio
@@ -61,6 +64,8 @@ class Reconstruction:
         Why it is unreliable, in words; empty if it is not.
     config
         The settings that made it.
+    possible
+        Both places of each anchor and the combinations of sides that may be, where known.
     """
 
     episode: Episode
@@ -70,6 +75,18 @@ class Reconstruction:
     status: ReconstructionStatus
     reasons: tuple[str, ...]
     config: PipelineConfig
+    possible: tuple[Hypotheses, Combinations] | None = None
+
+    @cached_property
+    def boundary_uncertainty(self) -> BoundaryUncertainty | None:
+        """What the boundary may be instead, worked out when first asked for.
+
+        None where it is unknown, or fewer than 3 anchors were located.
+        """
+        if self.possible is None or len(self.possible[1].located) < 3:
+            return None
+        scenes = sample_scenes(*self.possible)
+        return boundary_uncertainty(scenes.place_m, scenes.combination)
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the verdict, a top view and the anchors."""
@@ -173,7 +190,8 @@ def reconstruct_episodes(
     hypotheses = locate(blind, denoised, config.solver, nlos=true_nlos)
     results = []
     for episode, ranges, places in zip(blind, denoised, hypotheses, strict=True):
-        anchors = resolve_sides(episode, places, config.sides, config.solver)
+        decision = decide_sides(episode.anchor_ids, places, config.sides, config.solver)
+        anchors = decision.anchors
         boundary = make_boundary(np.stack([anchor.position_m for anchor in anchors]))
         reasons = (
             *_log_reasons(episode, config),
@@ -181,7 +199,10 @@ def reconstruct_episodes(
             *_reasons(anchors, boundary),
         )
         status = ReconstructionStatus.UNRELIABLE if reasons else ReconstructionStatus.OK
-        results.append(Reconstruction(episode, ranges, anchors, boundary, status, reasons, config))
+        possible = (places, decision.combinations)
+        results.append(
+            Reconstruction(episode, ranges, anchors, boundary, status, reasons, config, possible)
+        )
     return results
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from gaia_uwb._text import printable
 from gaia_uwb._typing import Array, Float64
+from gaia_uwb.boundary_uncertainty import BoundaryUncertainty
 from gaia_uwb.estimate import AnchorStatus, BoundaryStatus
 from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 # Okabe and Ito's palette for all kinds of colour vision, without its yellow, which paper swallows.
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#000000")
+_INNER, _OUTER = "#009E73", "#7A4FA3"
 _PATH, _ZONE, _WARNING, _INK = "#9A9A9A", "#F0E442", "#B3400A", "#222222"
 
 _SIZE_IN = (10.0, 9.0)
@@ -74,8 +76,9 @@ def plot_reconstruction(
         axes.plot(*truth_m.T, "x", color=_INK, ms=6, mew=1, label="true place", zorder=7)
     _name_cones(axes, cones, avoid_m=np.concatenate([cones.mirror_m[:, 1], known_m]))
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0.472),
-                  ncols=len(labels), fontsize=8, frameon=False)  # fmt: skip
+    figure.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0.476),
+                  ncols=-(-len(labels) // (1 + (len(labels) > 7))),
+                  fontsize=8, frameon=False)  # fmt: skip
     _draw_ranges(figure, reconstruction)
     return figure
 
@@ -125,6 +128,8 @@ class _Cones:
     """Points on the 90 % ellipses; NaN where a covariance is unknown."""
     mirror_m: Float64[Array, "M 2 2"]
     """Both places of the ambiguous anchors: the chosen one, the other one."""
+    mirror_ellipse_m: Float64[Array, "M E 2"]
+    """Points on the 90 % ellipses about the other ones."""
 
     @classmethod
     def of(cls, reconstruction: Reconstruction) -> _Cones:
@@ -132,13 +137,15 @@ class _Cones:
         position_m = np.array([f.position_m for _, f in fixes]).reshape(-1, 2)
         covariance_m2 = np.array([f.covariance_m2 for _, f in fixes]).reshape(-1, 2, 2)
         mirrored = [f for _, f in fixes if f.status is AnchorStatus.AMBIGUOUS]
-        both_m = [[f.position_m, f.mirror_position_m] for f in mirrored]
+        both_m = np.array([[f.position_m, f.mirror_position_m] for f in mirrored]).reshape(-1, 2, 2)
+        mirror_m2 = np.array([f.mirror_covariance_m2 for f in mirrored]).reshape(-1, 2, 2)
         return cls(
             names=[f.anchor_id for _, f in fixes],
             colours=[_COLOURS[k % len(_COLOURS)] for k, _ in fixes],
             position_m=position_m,
             ellipse_m=position_m[:, None] + _ellipses(covariance_m2),
-            mirror_m=np.array(both_m).reshape(-1, 2, 2),
+            mirror_m=both_m,
+            mirror_ellipse_m=both_m[:, 1, None] + _ellipses(mirror_m2),
         )
 
     def extent_m(self) -> Float64[Array, "P 2"]:
@@ -212,6 +219,8 @@ def _draw_site(axes: Axes, reconstruction: Reconstruction, cones: _Cones) -> Non
         axes.fill(*boundary.hull_m.T, color=_ZONE, alpha=0.4, lw=0, label="boundary", zorder=2)
         closed_m = np.concatenate([boundary.outline_m, boundary.outline_m[:1]])
         axes.plot(*closed_m.T, "--", color=_INK, lw=0.9, label="outline of the cones", zorder=3)
+    if reconstruction.boundary_uncertainty is not None:
+        _draw_regions(axes, reconstruction.boundary_uncertainty)
     if cones.names:
         ellipses = PolyCollection(list(cones.ellipse_m), label="90 % ellipse", zorder=4)
         ellipses.set(facecolors=[f"{colour}30" for colour in cones.colours], lw=1.0)
@@ -222,9 +231,27 @@ def _draw_site(axes: Axes, reconstruction: Reconstruction, cones: _Cones) -> Non
     if len(cones.mirror_m):
         links = LineCollection(list(cones.mirror_m), colors=_WARNING, ls=":", lw=0.9, zorder=4)
         axes.add_collection(links, autolim=False)
+        around = PolyCollection(list(cones.mirror_ellipse_m), facecolors="none", ls=":", lw=0.8)
+        around.set(edgecolors=_WARNING, zorder=4)
+        axes.add_collection(around, autolim=False)
         east_m, north_m = cones.mirror_m[:, 1].T
         axes.plot(east_m, north_m, "o", mfc="white", mec=_WARNING, ms=5.5, zorder=5,
                   label="other place of an ambiguous cone")  # fmt: skip
+
+
+def _draw_regions(axes: Axes, found: BoundaryUncertainty) -> None:
+    """Draw the outlines within which, and beyond which, everything is sure."""
+    from matplotlib.collections import PolyCollection
+
+    for region, colour, label in (
+        (found.inner, _INNER, "inside for sure (90 %)"),
+        (found.outer, _OUTER, "nothing beyond (90 %)"),
+    ):
+        rings_m = [ring for rings in region.polygons for ring in rings]
+        if rings_m:
+            lines = PolyCollection(rings_m, facecolors="none", edgecolors=colour, lw=1.2)
+            lines.set(label=label, zorder=3, ls="-" if colour == _INNER else "-.")
+            axes.add_collection(lines, autolim=False)
 
 
 def _draw_ranges(figure: Figure, reconstruction: Reconstruction) -> None:

@@ -31,9 +31,10 @@ from pathlib import Path
 
 import numpy as np
 
+from gaia_uwb.boundary_uncertainty import BoundaryUncertainty
 from gaia_uwb.config import dump_config
 from gaia_uwb.episode import RangeCalibration
-from gaia_uwb.estimate import AnchorFix
+from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.files import OutputFolder
 from gaia_uwb.geojson import Json, boundary_geojson, lon_lat
 from gaia_uwb.map_page import map_page
@@ -87,6 +88,12 @@ def make_report(
             "area_m2": boundary.area_m2,
             "hull_m": boundary.hull_m.tolist(),
             "outline_ids": [episode.anchor_ids[index] for index in boundary.outline_index],
+            "side_unknown_ids": [
+                anchor.anchor_id
+                for anchor in reconstruction.anchors
+                if anchor.status is AnchorStatus.AMBIGUOUS
+            ],
+            "uncertainty": _uncertainty(reconstruction.boundary_uncertainty),
         },
         "frame": None if episode.frame is None else asdict(episode.frame),
         "uncertainty_note": UNCERTAINTY_NOTE,
@@ -151,6 +158,25 @@ def write_all(
     ]
 
 
+def _uncertainty(found: BoundaryUncertainty | None) -> Json | None:
+    """Return the regions that hold with a probability, and the probability on a grid."""
+    if found is None:
+        return None
+    regions: Json = {
+        name: {
+            "area_m2": region.area_m2,
+            "polygons_m": [[ring.round(4).tolist() for ring in rings] for rings in region.polygons],
+        }
+        for name, region in (("inner", found.inner), ("outer", found.outer))
+    }
+    grid = {
+        "origin_m": found.map.origin_m.tolist(),
+        "cell_m": found.map.cell_m,
+        "probability": found.map.probability.round(3).tolist(),
+    }
+    return {"probability": found.probability, **regions, "map": grid}
+
+
 def _calibration(calibration: RangeCalibration | None) -> Json | None:
     if calibration is None:
         return None
@@ -173,7 +199,7 @@ def _anchors(reconstruction: Reconstruction) -> list[Json]:
 
 
 def _anchor(anchor: AnchorFix, lon: float, lat: float) -> Json:
-    covariance_m2 = anchor.covariance_m2
+    covariance_m2, mirror_m2 = anchor.covariance_m2, anchor.mirror_covariance_m2
     return {
         "id": anchor.anchor_id,
         "east_m": _finite(anchor.position_m[0]),
@@ -184,6 +210,7 @@ def _anchor(anchor: AnchorFix, lon: float, lat: float) -> Json:
         "mirror_probability": anchor.mirror_probability,
         "mirror_east_m": _finite(anchor.mirror_position_m[0]),
         "mirror_north_m": _finite(anchor.mirror_position_m[1]),
+        "mirror_covariance_m2": mirror_m2.tolist() if np.isfinite(mirror_m2).all() else None,
         "status": anchor.status.value,
         "n_ranges": anchor.n_ranges,
         "range_bias_m": _finite(anchor.range_bias_m),
@@ -201,6 +228,7 @@ def _write_anchors(reconstruction: Reconstruction, path: Path) -> None:
     position_m = np.array([anchor.position_m for anchor in anchors])
     mirror_m = np.array([anchor.mirror_position_m for anchor in anchors])
     covariance_m2 = np.array([anchor.covariance_m2 for anchor in anchors])
+    mirror_m2 = np.array([anchor.mirror_covariance_m2 for anchor in anchors])
     places = lon_lat(reconstruction.episode.frame, position_m).round(9)
     table = pl.DataFrame(
         {
@@ -216,6 +244,9 @@ def _write_anchors(reconstruction: Reconstruction, path: Path) -> None:
             "mirror_probability": [float(anchor.mirror_probability) for anchor in anchors],
             "mirror_east_m": mirror_m[:, 0],
             "mirror_north_m": mirror_m[:, 1],
+            "mirror_covariance_ee_m2": mirror_m2[:, 0, 0],
+            "mirror_covariance_en_m2": mirror_m2[:, 0, 1],
+            "mirror_covariance_nn_m2": mirror_m2[:, 1, 1],
             "n_ranges": [anchor.n_ranges for anchor in anchors],
             "range_bias_m": [float(anchor.range_bias_m) for anchor in anchors],
         }

@@ -7,17 +7,21 @@ of the places it chooses, times how well they form a zone. Up to eight undecided
 combinations are compared; with more, the best is climbed to by single flips from several starts.
 The probability of an anchor's mirror image is the share of evidence of the combinations that put
 the anchor there. An anchor that stays undecided is called ambiguous.
+
+Evidence is worth less where anchors' ranges err more than the whole log's (``honest_errors.py``):
+log evidences are divided by the anchors' mean inflation, which changes probabilities, not the
+choice.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gaia_uwb._typing import Array, Bool, Float64, Int64
 from gaia_uwb.config import SidesConfig, SolverConfig
-from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.layout_prior import joint_places
 from gaia_uwb.locate import Hypotheses
@@ -25,25 +29,66 @@ from gaia_uwb.locate import Hypotheses
 _ENUMERATE = 8  # undecided anchors of which all combinations are compared
 _DECIDED = 12.0  # log odds beyond which the ranges alone decide
 _SWEEPS = 50
+_KEPT = 32  # combinations that a decision keeps
+_KEPT_EVIDENCE = 0.999  # or as few as hold this share of the evidence
 # Part of the anchors' errors is common to all of them (the trajectory's, the clock's); in the
 # outdoor data set about half of the residuals' variance is. So combinations of sides, which add up
 # the anchors' evidence, count half, and only the other half of an anchor's covariance bears on
 # where it stands among the others: what is common moves the zone as a whole.
-_SHARED_ERRORS = 0.5
+SHARED_ERRORS = 0.5
+
+
+@dataclass(frozen=True)
+class Combinations:
+    """Which sides the anchors may stand on, together; the better-founded combinations first.
+
+    Parameters
+    ----------
+    located : (M,)
+        Indices of the anchors that were located.
+    side : (K, M)
+        Which hypothesis each of them takes in each combination.
+    weight : (K,)
+        Probabilities; they sum to 1. At most 32 combinations, or as few as hold 99.9 % of the
+        evidence.
+    joint
+        Whether the layout prior had a say in them.
+    """
+
+    located: Int64[Array, "M"]
+    side: Int64[Array, "K M"]
+    weight: Float64[Array, "K"]
+    joint: bool
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What was decided about the anchors' sides.
+
+    Parameters
+    ----------
+    anchors
+        One fix per anchor, in the order of ``anchor_ids``.
+    combinations
+        What else the anchors' sides may be.
+    """
+
+    anchors: tuple[AnchorFix, ...]
+    combinations: Combinations
 
 
 def resolve_sides(
-    episode: Episode,
+    anchor_ids: Sequence[str],
     hypotheses: Hypotheses,
     config: SidesConfig = SidesConfig(),
     solver: SolverConfig = SolverConfig(),
 ) -> tuple[AnchorFix, ...]:
-    """Choose a side for every anchor and say how sure that is.
+    """Choose a side for every anchor and say how sure that is; :func:`decide_sides` says more.
 
     Parameters
     ----------
-    episode
-        Gives the anchors' names.
+    anchor_ids
+        The anchors' names.
     hypotheses
         Both places of each anchor.
     config
@@ -54,16 +99,36 @@ def resolve_sides(
     Returns
     -------
     tuple of AnchorFix
-        One per anchor, in the order of ``episode.anchor_ids``.
+        One per anchor, in the order of ``anchor_ids``.
     """
-    located = np.isfinite(hypotheses.position_m).all(axis=(1, 2))
+    return decide_sides(anchor_ids, hypotheses, config, solver).anchors
+
+
+def decide_sides(
+    anchor_ids: Sequence[str],
+    hypotheses: Hypotheses,
+    config: SidesConfig = SidesConfig(),
+    solver: SolverConfig = SolverConfig(),
+) -> Decision:
+    """Choose a side for every anchor, and keep the combinations of sides that may be instead.
+
+    Parameters
+    ----------
+    anchor_ids, hypotheses, config, solver
+        As in :func:`resolve_sides`.
+    """
+    located = np.flatnonzero(np.isfinite(hypotheses.position_m).all(axis=(1, 2)))
     chosen = _apart(hypotheses)
-    if config.joint and int(located.sum()) > 1:
-        chosen = _jointly(hypotheses, chosen, np.flatnonzero(located))
-    return tuple(
-        _fix(episode.anchor_ids[n], hypotheses, chosen, n, config, solver)
-        for n in range(episode.n_anchors)
+    if config.joint and len(located) > 1:
+        chosen, combinations = _jointly(hypotheses, chosen, located)
+    else:
+        combinations = _independent(chosen.mirror_probability[located], located)
+    chosen = _honest(hypotheses, chosen)
+    anchors = tuple(
+        _fix(anchor_id, hypotheses, chosen, n, config, solver)
+        for n, anchor_id in enumerate(anchor_ids)
     )
+    return Decision(anchors, combinations)
 
 
 @dataclass(frozen=True)
@@ -74,6 +139,20 @@ class _Choice:
     place_m: Float64[Array, "N 2"]
     covariance_m2: Float64[Array, "N 2 2"]
     mirror_probability: Float64[Array, "N"]
+    mirror_covariance_m2: Float64[Array, "N 2 2"]
+
+
+def _honest(hypotheses: Hypotheses, chosen: _Choice) -> _Choice:
+    """Replace the linear covariances, with which sides are compared, by what is reported."""
+    other = 1 - chosen.side
+    rows = np.arange(len(other))
+    return replace(
+        chosen,
+        covariance_m2=hypotheses.honest_covariance(chosen.covariance_m2, chosen.side),
+        mirror_covariance_m2=hypotheses.honest_covariance(
+            hypotheses.covariance_m2[rows, other], other
+        ),
+    )
 
 
 def _one_place(hypotheses: Hypotheses) -> Bool[Array, "N"]:
@@ -87,32 +166,70 @@ def _one_place(hypotheses: Hypotheses) -> Bool[Array, "N"]:
     return distance2 < 1.0
 
 
+def _inflation(hypotheses: Hypotheses) -> Float64[Array, "N"]:
+    known = hypotheses.inflation
+    return np.ones(len(hypotheses.log_odds)) if known is None else known
+
+
 def _apart(hypotheses: Hypotheses) -> _Choice:
     """Take each anchor's better-fitting hypothesis."""
-    mirror = 1.0 / (1.0 + np.exp(np.minimum(hypotheses.log_odds, 700.0)))
+    odds = hypotheses.log_odds / _inflation(hypotheses)
+    mirror = 1.0 / (1.0 + np.exp(np.minimum(odds, 700.0)))
     mirror[_one_place(hypotheses)] = 0.0
     return _Choice(
         side=np.zeros(len(mirror), dtype=np.int64),
         place_m=hypotheses.position_m[:, 0],
         covariance_m2=hypotheses.covariance_m2[:, 0],
         mirror_probability=mirror,
+        mirror_covariance_m2=hypotheses.covariance_m2[:, 1],
     )
 
 
-def _jointly(hypotheses: Hypotheses, apart: _Choice, located: Int64[Array, "M"]) -> _Choice:
+def _independent(mirror: Float64[Array, "M"], located: Int64[Array, "M"]) -> Combinations:
+    """Return combinations of sides that know nothing of each other; many are drawn, not listed."""
+    open_sides = np.flatnonzero(mirror > np.exp(-_DECIDED))
+    if len(open_sides) <= _ENUMERATE:
+        side = _all_combinations(len(located), open_sides)
+        weight = np.where(side > 0, mirror, 1.0 - mirror).prod(axis=1)
+        return _kept(side, weight, located, joint=False)
+    drawn = np.random.default_rng(0).random((4 * _KEPT, len(located))) < mirror
+    side, count = np.unique(drawn.astype(np.int64), axis=0, return_counts=True)
+    return _kept(side, count.astype(np.float64), located, joint=False)
+
+
+def _kept(
+    side: Int64[Array, "K M"],
+    weight: Float64[Array, "K"],
+    located: Int64[Array, "M"],
+    *,
+    joint: bool,
+) -> Combinations:
+    """Keep the combinations that matter, the likeliest first."""
+    order = np.argsort(-weight, kind="stable")
+    share = np.cumsum(weight[order]) / weight.sum()
+    order = order[: min(_KEPT, int(np.searchsorted(share, _KEPT_EVIDENCE)) + 1)]
+    return Combinations(located, side[order], weight[order] / weight[order].sum(), joint)
+
+
+def _jointly(
+    hypotheses: Hypotheses, apart: _Choice, located: Int64[Array, "M"]
+) -> tuple[_Choice, Combinations]:
     """Compare combinations of sides over the located anchors."""
     place = hypotheses.position_m[located]
     covariance = hypotheses.covariance_m2[located]
     odds = hypotheses.log_odds[located]
     one_place = _one_place(hypotheses)[located]
-    open_sides = np.flatnonzero((odds < _DECIDED) & ~one_place)
+    # Errors peculiar to some anchors make the evidence of all worth less: by their mean over the
+    # zone, which leaves the best combination what it is.
+    doubt = float(_inflation(hypotheses)[located].mean())
+    open_sides = _open(odds, doubt, one_place)
     search = _Search(place, covariance, odds)
     if len(open_sides) <= _ENUMERATE:
         search.look_at(_all_combinations(len(located), open_sides))
     else:
         search.climb(open_sides)
     best, evidence, combinations = search.result()
-    weight = np.exp(_SHARED_ERRORS * (evidence - evidence.max()))
+    weight = np.exp(SHARED_ERRORS / doubt * (evidence - evidence.max()))
     weight /= weight.sum()
     flipped = combinations != combinations[best]
     probability = np.clip((weight[:, None] * flipped).sum(axis=0), 0.0, 1.0)
@@ -125,7 +242,19 @@ def _jointly(hypotheses: Hypotheses, apart: _Choice, located: Int64[Array, "M"])
     covariance_m2, mirror = apart.covariance_m2.copy(), apart.mirror_probability.copy()
     side[located], mirror[located] = combinations[best], probability
     place_m[located], covariance_m2[located] = joint_place, joint_covariance
-    return _Choice(side, place_m, covariance_m2, mirror)
+    kept = _kept(combinations, weight, located, joint=True)
+    choice = _Choice(side, place_m, covariance_m2, mirror, apart.mirror_covariance_m2)
+    return choice, kept
+
+
+def _open(
+    odds: Float64[Array, "M"], doubt: float, one_place: Bool[Array, "M"]
+) -> Int64[Array, "K"]:
+    """Return the anchors whose side their own ranges leave open, of the doubtful ones a few."""
+    candidates = np.flatnonzero((odds < _DECIDED * doubt) & ~one_place)
+    least_sure = candidates[np.argsort(odds[candidates], kind="stable")]
+    count = max(int((odds[candidates] < _DECIDED).sum()), _ENUMERATE)
+    return np.sort(least_sure[:count])
 
 
 def _all_combinations(n: int, open_sides: Int64[Array, "M"]) -> Int64[Array, "K N"]:
@@ -155,7 +284,7 @@ class _Search:
             part = combinations[new[start : start + 64]]
             rows = np.arange(part.shape[1])
             joint = joint_places(
-                self._place_m[rows, part], (1.0 - _SHARED_ERRORS) * self._covariance_m2[rows, part]
+                self._place_m[rows, part], (1.0 - SHARED_ERRORS) * self._covariance_m2[rows, part]
             )
             top = joint.log_evidence.max(axis=1)
             total = top + np.log(np.exp(joint.log_evidence - top[:, None]).sum(axis=1))
@@ -193,7 +322,7 @@ class _Search:
     def places(self, sides: Int64[Array, "N"]) -> tuple[Array, Array]:
         """Return places and covariances under one combination, averaged over shapes and sizes."""
         rows = np.arange(len(sides))
-        common = _SHARED_ERRORS * self._covariance_m2[rows, sides]
+        common = SHARED_ERRORS * self._covariance_m2[rows, sides]
         own = self._covariance_m2[rows, sides] - common
         joint = joint_places(self._place_m[rows, sides][None], own[None])
         weight = np.exp(joint.log_evidence[0] - joint.log_evidence[0].max())
@@ -246,4 +375,5 @@ def _fix(
         status=status,
         n_ranges=int(hypotheses.n_ranges[n]),
         range_bias_m=float(hypotheses.own_bias_m[n]),
+        mirror_covariance_m2=chosen.mirror_covariance_m2[n],
     )

@@ -1,0 +1,214 @@
+"""Measure what the uncertainty of places and boundary is worth: docs/boundary-uncertainty.md.
+
+Counts how often the inner region is wholly within the true zone, the true zone wholly within the
+outer region, and how often an anchor's 90 % ellipse, or one of the two ellipses of an anchor whose
+side is open, holds its true place. With --calibrate it prints, for simulated training layouts only,
+the coverage at several levels, from which `Levels` were chosen.
+
+Usage: python benchmarks/boundary_coverage.py [--data-dir FOLDER] [--episodes N] [--calibrate]
+       (or GAIA_DATA_DIR)
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from gaia_uwb._typing import Array, Float64
+from gaia_uwb.boundary_uncertainty import Levels, Region, boundary_uncertainty
+from gaia_uwb.episode import Episode
+from gaia_uwb.geometry import RigidAlignment, rigid_align, rotation_matrix
+from gaia_uwb.pipeline import Reconstruction, prepare, reconstruct_episodes
+from gaia_uwb.scene_samples import Scenes, sample_scenes
+from gaia_uwb.sources import load_scenes
+
+TESTS = ("sim:wild-test/1/{n}", "sim:lane-closure/500/100")
+TRAINING = "sim:wild-training/7/{n}"
+WINDOW = 64
+CHI2_90 = 2.0 * np.log(10.0)
+SIDE_OPEN = 0.05  # mirror probability from which the second ellipse counts
+TOLERANCE_M = 1e-3
+INNER = (0.90, 0.95, 0.97, 0.98, 0.985, 0.99, 0.995)
+OUTER = (0.65, 0.70, 0.75, 0.80, 0.85, 0.90, 0.95)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One result, the true places of its located anchors, and the frame error taken out."""
+
+    result: Reconstruction
+    true_m: Float64[Array, "M 2"]
+    frame: RigidAlignment | None
+
+    def moved(self, place_m: Float64[Array, "*rest 2"]) -> Float64[Array, "*rest 2"]:
+        """Return places in the true places' frame."""
+        if self.frame is None:
+            return place_m
+        turn = rotation_matrix(self.frame.rotation_rad)
+        return np.asarray(place_m @ turn.T + self.frame.translation_m)
+
+
+def reconstructed(
+    episodes: Sequence[Episode], frames: Sequence[RigidAlignment | None]
+) -> Iterator[Case]:
+    """Yield every episode's result that has a boundary."""
+    for result, episode, frame in zip(
+        reconstruct_episodes(episodes), episodes, frames, strict=True
+    ):
+        if result.possible is not None and episode.truth is not None:
+            located = result.possible[1].located
+            if len(located) >= 3:
+                yield Case(result, episode.truth.anchor_m[located], frame)
+
+
+def real_cases(data_dir: Path) -> dict[str, list[Case]]:
+    """Return whole runs and their windows; a run's frame error is taken out of both."""
+    runs = [prepare(scene) for scene in load_scenes("outdoor-uwb", data_dir=data_dir)]
+    whole = list(reconstructed(runs, [None] * len(runs)))
+    frames = [_frame(case) for case in whole]
+    aligned = [Case(c.result, c.true_m, f) for c, f in zip(whole, frames, strict=True)]
+    windows = [(w, f) for run, f in zip(runs, frames, strict=True) for w in run.windows(WINDOW)]
+    usable = [(w, f) for w, f in windows if w.valid.any()]
+    cut = list(reconstructed([w for w, _ in usable], [f for _, f in usable]))
+    bare = [Case(c.result, c.true_m, None) for c in cut]
+    return {
+        "outdoor-uwb, whole runs, aligned": aligned,
+        "outdoor-uwb, whole runs": whole,
+        "outdoor-uwb, windows of 64 steps, run aligned": cut,
+        "outdoor-uwb, windows of 64 steps": bare,
+    }
+
+
+def _frame(case: Case) -> RigidAlignment:
+    located = [fix for fix in case.result.anchors if fix.status.has_position]
+    return rigid_align(np.stack([fix.position_m for fix in located]), case.true_m)
+
+
+def region(found: Region, case: Case) -> shapely.Geometry:
+    """Return a region as a geometry in the true places' frame."""
+    pieces = [[case.moved(ring) for ring in rings] for rings in found.polygons]
+    return shapely.union_all([shapely.Polygon(first, holes) for first, *holes in pieces])
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What held of one case."""
+
+    inner: bool
+    outer: bool
+    empty: bool
+    inner_share: float
+    outer_share: float
+
+
+def drawn(case: Case) -> Scenes:
+    """Return a case's possible scenes."""
+    assert case.result.possible is not None
+    return sample_scenes(*case.result.possible)
+
+
+def judge(case: Case, levels: Levels = Levels(), scenes: Scenes | None = None) -> Verdict:
+    """Compare a case's regions with its true zone."""
+    scenes = drawn(case) if scenes is None else scenes
+    found = boundary_uncertainty(scenes.place_m, scenes.combination, levels)
+    zone = shapely.convex_hull(shapely.MultiPoint(case.true_m))
+    inner, outer = region(found.inner, case), region(found.outer, case)
+    return Verdict(
+        inner=inner.is_empty or bool(zone.buffer(TOLERANCE_M).covers(inner)),
+        outer=bool(outer.buffer(TOLERANCE_M).covers(zone)),
+        empty=bool(inner.is_empty),
+        inner_share=inner.area / max(zone.area, 1e-9),
+        outer_share=outer.area / max(zone.area, 1e-9),
+    )
+
+
+def ellipses(case: Case) -> list[tuple[bool, bool]]:
+    """Return for each located anchor whether its ellipse, and either of its ellipses, held."""
+    fixes = [fix for fix in case.result.anchors if fix.status.has_position]
+    turn = np.eye(2) if case.frame is None else rotation_matrix(case.frame.rotation_rad)
+    held = []
+    for fix, true_m in zip(fixes, case.true_m, strict=True):
+        near = [
+            _misfit(true_m - case.moved(place_m), turn @ covariance_m2 @ turn.T) <= CHI2_90
+            for place_m, covariance_m2 in (
+                (fix.position_m, fix.covariance_m2),
+                (fix.mirror_position_m, fix.mirror_covariance_m2),
+            )
+        ]
+        held.append((near[0], near[0] or (near[1] and fix.mirror_probability > SIDE_OPEN)))
+    return held
+
+
+def _misfit(off_m: Float64[Array, "2"], covariance_m2: Float64[Array, "2 2"]) -> float:
+    return float(off_m @ np.linalg.solve(covariance_m2, off_m))
+
+
+def row(name: str, cases: Sequence[Case]) -> str:
+    """Return one row of the table."""
+    verdicts = [judge(case) for case in cases]
+    held = np.array([pair for case in cases for pair in ellipses(case)])
+    inner, outer = (np.mean([getattr(v, side) for v in verdicts]) for side in ("inner", "outer"))
+    share = [np.median([getattr(v, f"{side}_share") for v in verdicts]) for side in _SIDES]
+    empty = np.mean([v.empty for v in verdicts])
+    return (
+        f"| {name} | {len(cases)} | {100 * inner:.1f} % | {100 * outer:.1f} % | "
+        f"{100 * empty:.0f} % | {share[0]:.2f} | {share[1]:.2f} | {len(held)} | "
+        f"{100 * held[:, 0].mean():.1f} % | {100 * held[:, 1].mean():.1f} % |"
+    )
+
+
+_SIDES = ("inner", "outer")
+HEAD = (
+    "| data | zones | inner within true zone | true zone within outer | inner empty | "
+    "inner area / true | outer area / true | anchors | 90 % ellipse | one of two ellipses |\n"
+    + "|---" * 10
+    + "|"
+)
+
+
+def calibrate(n: int) -> None:
+    """Print the coverage at several levels on simulated training layouts."""
+    episodes = [prepare(scene) for scene in load_scenes(TRAINING.format(n=n))]
+    cases = list(reconstructed(episodes, [None] * len(episodes)))
+    held = []
+    for case in cases:
+        scenes = drawn(case)
+        verdicts = [judge(case, Levels(*pair), scenes) for pair in zip(INNER, OUTER, strict=True)]
+        held.append([(v.inner, v.outer) for v in verdicts])
+    share = np.mean(held, axis=0)
+    for inner, outer, (right_inner, right_outer) in zip(INNER, OUTER, share, strict=True):
+        print(f"inner {inner:.3f}: {right_inner:.3f}   outer {outer:.2f}: {right_outer:.3f}")
+    print(f"of {len(cases)} zones")
+
+
+def main() -> None:
+    """Print the table, or the calibration."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data-dir", type=Path, default=os.environ.get("GAIA_DATA_DIR"))
+    parser.add_argument("--episodes", type=int, default=300)
+    parser.add_argument("--calibrate", action="store_true")
+    given = parser.parse_args()
+    if given.calibrate:
+        calibrate(given.episodes)
+        return
+    start = time.perf_counter()
+    print(HEAD)
+    for test in TESTS:
+        name = test.format(n=given.episodes)
+        episodes = [prepare(scene) for scene in load_scenes(name)]
+        print(row(name, list(reconstructed(episodes, [None] * len(episodes)))), flush=True)
+    if given.data_dir is not None:
+        for name, cases in real_cases(Path(given.data_dir)).items():
+            print(row(name, cases), flush=True)
+    print(f"\n{time.perf_counter() - start:.0f} s")
+
+
+if __name__ == "__main__":
+    main()
