@@ -23,6 +23,7 @@ import shapely
 
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.boundary_uncertainty import Levels, Region, boundary_uncertainty
+from gaia_uwb.config import SidesConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.geometry import RigidAlignment, rigid_align, rotation_matrix
 from gaia_uwb.pipeline import Reconstruction, prepare, reconstruct_episodes
@@ -33,7 +34,7 @@ TESTS = ("sim:wild-test/1/{n}", "sim:lane-closure/500/100")
 TRAINING = "sim:wild-training/7/{n}"
 WINDOW = 64
 CHI2_90 = 2.0 * np.log(10.0)
-SIDE_OPEN = 0.05  # mirror probability from which the second ellipse counts
+SIDE_OPEN = SidesConfig().ambiguous_above  # then the second ellipse counts
 TOLERANCE_M = 1e-3
 INNER = (0.90, 0.95, 0.97, 0.98, 0.985, 0.99, 0.995)
 OUTER = (0.65, 0.70, 0.75, 0.80, 0.85, 0.90, 0.95)

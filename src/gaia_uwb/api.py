@@ -58,7 +58,7 @@ def reconstruct(
     >>> result.status.value
     'unreliable'
     >>> print(result.anchors[0].status.message)
-    located, but the mirror image beside the path fits nearly as well
+    side unknown: the mirror image across the path fits nearly as well
     """
     scene = log if isinstance(log, Scene) else read(log, data_dir=data_dir)
     return pipeline.reconstruct(scene, config)

@@ -84,7 +84,7 @@ class SidesConfig(Settings):
 
     joint: bool = True
     """Decide jointly; otherwise each anchor takes the side that fits its own ranges better."""
-    ambiguous_above: float = Field(default=0.05, gt=0, lt=0.5)
+    ambiguous_above: float = Field(default=0.1, gt=0, lt=0.5)
     """An anchor whose mirror image keeps more than this probability is called ambiguous."""
 
 
@@ -187,7 +187,7 @@ def dump_config(config: BaseModel) -> str:
     --------
     >>> print(dump_config(SidesConfig()), end="")
     joint: true
-    ambiguous_above: 0.05
+    ambiguous_above: 0.1
     """
     import yaml
 

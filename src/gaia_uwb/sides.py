@@ -9,8 +9,8 @@ The probability of an anchor's mirror image is the share of evidence of the comb
 the anchor there. An anchor that stays undecided is called ambiguous.
 
 Evidence is worth less where anchors' ranges err more than the whole log's (``honest_errors.py``):
-log evidences are divided by the anchors' mean inflation, which changes probabilities, not the
-choice.
+log evidences are divided by the geometric mean of the anchors' inflations, which changes
+probabilities, not the choice.
 """
 
 from __future__ import annotations
@@ -219,9 +219,10 @@ def _jointly(
     covariance = hypotheses.covariance_m2[located]
     odds = hypotheses.log_odds[located]
     one_place = _one_place(hypotheses)[located]
-    # Errors peculiar to some anchors make the evidence of all worth less: by their mean over the
-    # zone, which leaves the best combination what it is.
-    doubt = float(_inflation(hypotheses)[located].mean())
+    # Errors peculiar to some anchors make the evidence of all worth less, by their geometric mean
+    # over the zone, which leaves the best combination what it is. On training layouts of the preset
+    # "wild" that gave the true combination the highest mean log probability of seven such rules.
+    doubt = float(np.exp(np.log(_inflation(hypotheses)[located]).mean()))
     open_sides = _open(odds, doubt, one_place)
     search = _Search(place, covariance, odds)
     if len(open_sides) <= _ENUMERATE:
