@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gaia_uwb import sides
+from gaia_uwb import side_search, sides
 from gaia_uwb.config import SidesConfig, SolverConfig
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.layout_prior import joint_places
@@ -34,7 +34,7 @@ def resolve(found, config=SidesConfig(), solver=SolverConfig()):
 
 def total_evidence(found, side):
     rows = np.arange(len(side))
-    share = 1.0 - sides.SHARED_ERRORS
+    share = 1.0 - side_search.SHARED_ERRORS
     joint = joint_places(
         found.position_m[rows, side][None], share * found.covariance_m2[rows, side][None]
     )
@@ -50,7 +50,7 @@ def test_the_joint_decision_is_the_best_of_all_combinations(n, climb, monkeypatc
     combinations = (np.arange(2**n)[:, None] >> np.arange(n)) & 1
     evidence = np.array([total_evidence(found, c) for c in combinations])
     best = combinations[evidence.argmax()]
-    weight = np.exp(sides.SHARED_ERRORS * (evidence - evidence.max()))
+    weight = np.exp(side_search.SHARED_ERRORS * (evidence - evidence.max()))
     mirror = (weight[:, None] * (combinations != best)).sum(axis=0) / weight.sum()
     for k, fix in enumerate(resolve(found)):
         assert np.array_equal(fix.mirror_position_m, found.position_m[k, 1 - best[k]])
@@ -108,9 +108,9 @@ def test_joint_probabilities_are_cautious():
 
 def test_the_climb_over_many_open_anchors_is_bounded(monkeypatch):
     looked = []
-    original = sides._Search.look_at
+    original = side_search.Search.look_at
     monkeypatch.setattr(
-        sides._Search, "look_at", lambda self, c: looked.append(len(c)) or original(self, c)
+        side_search.Search, "look_at", lambda self, c: looked.append(len(c)) or original(self, c)
     )
     found, true_m = make_hypotheses(35, seed=4, odds=0.3)
     places = np.stack([fix.position_m for fix in resolve(found)])
