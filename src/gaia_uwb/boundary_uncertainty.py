@@ -67,8 +67,8 @@ class Levels:
         Above 0, at most 1.
     """
 
-    inner: float = 0.982
-    outer: float = 0.75
+    inner: float = 0.987
+    outer: float = 0.78
 
 
 _SIMPLIFY_M = 0.002  # corners of a region that matter less are left out
