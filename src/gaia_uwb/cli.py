@@ -16,13 +16,18 @@ import typer
 from gaia_uwb.cli_data import data_app
 from gaia_uwb.cli_learning import train
 from gaia_uwb.cli_options import (
+    ClosureOption,
     ConfigOption,
     DataDirOption,
+    KnownAnchorOption,
     OutOption,
+    SideOption,
     SolverName,
     SolverOption,
     SourceArgument,
+    SpacingOption,
     version,
+    with_prior,
 )
 from gaia_uwb.cli_reproduce import reproduce_app
 from gaia_uwb.cli_wzdx import wzdx_app
@@ -96,6 +101,10 @@ def reconstruct(
     solver: SolverOption = None,
     config: ConfigOption = None,
     data_dir: DataDirOption = None,
+    side: SideOption = None,
+    closure: ClosureOption = None,
+    spacing: SpacingOption = None,
+    known_anchor: KnownAnchorOption = None,
     svg: Annotated[bool, typer.Option("--svg", help="Write plot.svg beside plot.png.")] = False,
 ) -> None:
     """Locate the cones and draw the boundary from the log of a drive."""
@@ -107,6 +116,7 @@ def reconstruct(
     from gaia_uwb.sources import load_readable
 
     settings = _settings(config, denoiser, solver)
+    settings = with_prior(settings, side, closure, spacing, known_anchor)
     OutputFolder(out)
     scenes, failures = load_readable(source, data_dir=data_dir)
     n_logs = len(scenes) + len(failures)

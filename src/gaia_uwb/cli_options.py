@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from gaia_uwb.config import PipelineConfig
 
 
 class SolverName(StrEnum):
@@ -14,6 +17,23 @@ class SolverName(StrEnum):
 
     ROBUST = "robust"
     WLS = "wls"
+
+
+class Side(StrEnum):
+    """Sides of the path, in the direction of travel."""
+
+    LEFT = "left"
+    RIGHT = "right"
+
+
+class Closure(StrEnum):
+    """Kinds of closure, as a work-zone feed names them."""
+
+    LANE_CLOSURE = "lane-closure"
+    SHOULDER_CLOSURE = "shoulder-closure"
+    LANE_SHIFT = "lane-shift"
+    MOBILE_OPERATION = "mobile-operation"
+    MEDIAN_CROSSOVER = "median-crossover"
 
 
 SourceArgument = Annotated[
@@ -33,6 +53,77 @@ ConfigOption = Annotated[
     Path | None, typer.Option("--config", help="YAML file with settings; options override it.")
 ]
 SolverOption = Annotated[SolverName | None, typer.Option(help="How anchors are located.")]
+
+SideOption = Annotated[
+    Side | None, typer.Option(help="Known: all cones stand on this side of the path.")
+]
+ClosureOption = Annotated[
+    Closure | None, typer.Option(help="Known: the kind of closure; most keep to one side.")
+]
+SpacingOption = Annotated[
+    float | None,
+    typer.Option(metavar="METRES", help="Known: distance between cones that follow one another."),
+]
+KnownAnchorOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="ID=EAST,NORTH",
+        help="Known: a surveyed cone, in local metres, or ID=@LAT,LON in degrees; a third number "
+        "is its standard deviation in metres. May be given more than once.",
+    ),
+]
+
+
+def with_prior(
+    settings: PipelineConfig,
+    side: Side | None,
+    closure: Closure | None,
+    spacing_m: float | None,
+    known_anchors: list[str] | None,
+) -> PipelineConfig:
+    """Return settings with what the command line says of the zone.
+
+    Parameters
+    ----------
+    settings
+        What they are without it.
+    side, closure, spacing_m, known_anchors
+        The options; None leaves what the settings say.
+
+    Raises
+    ------
+    ConfigError
+        If an option is not what it should be.
+    """
+    from gaia_uwb.config import make_config
+
+    said = {
+        "side": side,
+        "closure": closure,
+        "spacing_m": spacing_m,
+        "known_anchors": [_known_anchor(text) for text in known_anchors or ()] or None,
+    }
+    said = {name: value for name, value in said.items() if value is not None}
+    if not said:
+        return settings
+    content = settings.model_dump(mode="json")
+    content["prior"] |= {k: str(v) if isinstance(v, StrEnum) else v for k, v in said.items()}
+    return make_config(content, source="options")
+
+
+def _known_anchor(text: str) -> dict[str, str | float]:
+    """Read ID=EAST,NORTH[,SIGMA] or ID=@LAT,LON[,SIGMA]; an id may hold an equals sign."""
+    from gaia_uwb.errors import ConfigError
+
+    name, _, place = text.rpartition("=")
+    names = ("lat_deg", "lon_deg") if place.startswith("@") else ("east_m", "north_m")
+    try:
+        numbers = [float(number) for number in place.removeprefix("@").split(",")]
+    except ValueError:
+        numbers = []
+    if not name or len(numbers) not in (2, 3):
+        raise ConfigError(f"--known-anchor: expected ID=EAST,NORTH or ID=@LAT,LON, got {text!r}")
+    return {"anchor_id": name} | dict(zip((*names, "sigma_m"), numbers, strict=False))
 
 
 def version() -> str:

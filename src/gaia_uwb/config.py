@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.strict_yaml import read_yaml
@@ -88,6 +88,60 @@ class SidesConfig(Settings):
     """An anchor whose mirror image keeps more than this probability is called ambiguous."""
 
 
+class KnownAnchor(Settings):
+    """A cone whose place was surveyed: in the local frame, or on Earth (WGS84)."""
+
+    anchor_id: str
+    east_m: float | None = None
+    north_m: float | None = None
+    lat_deg: float | None = Field(default=None, ge=-90, le=90)
+    lon_deg: float | None = Field(default=None, ge=-180, le=180)
+    sigma_m: float = Field(default=0.1, gt=0, le=100)
+    """Standard deviation of each coordinate, the frames' disagreement included."""
+
+    @model_validator(mode="after")
+    def _check(self) -> KnownAnchor:
+        local = [self.east_m is not None, self.north_m is not None]
+        earth = [self.lat_deg is not None, self.lon_deg is not None]
+        if not (all(local) and not any(earth)) and not (all(earth) and not any(local)):
+            raise ValueError("expected either east_m and north_m, or lat_deg and lon_deg")
+        return self
+
+
+class PriorConfig(Settings):
+    """What is known of the zone before the drive (``known_facts.py``); nothing by default."""
+
+    side: Literal["left", "right"] | None = None
+    """All cones stand on this side of the path, in the direction of travel."""
+    closure: (
+        Literal[
+            "lane-closure", "shoulder-closure", "lane-shift", "mobile-operation", "median-crossover"
+        ]
+        | None
+    ) = None
+    """Kind of closure: all but the last one say that the cones stand on one side, whichever."""
+    spacing_m: float | None = Field(default=None, gt=0, le=1000)
+    """Distance between cones that follow one another."""
+    spacing_sigma_m: float = Field(default=0.5, gt=0, le=100)
+    """Standard deviation of that distance."""
+    known_anchors: tuple[KnownAnchor, ...] = Field(default=(), strict=False)
+    """Cones whose places were surveyed."""
+    statement_error: float = Field(default=0.02, gt=0, lt=0.5)
+    """Probability that a statement is wrong: as a whole, and of a single cone or pair."""
+
+    @model_validator(mode="after")
+    def _check(self) -> PriorConfig:
+        ids = [known.anchor_id for known in self.known_anchors]
+        if len(set(ids)) < len(ids):
+            raise ValueError(f"expected each known anchor once, got {ids}")
+        return self
+
+    @property
+    def says_nothing(self) -> bool:
+        """Whether nothing is known beforehand."""
+        return not (self.side or self.closure or self.spacing_m or self.known_anchors)
+
+
 class PipelineConfig(Settings):
     """Everything that a reconstruction depends on besides the log."""
 
@@ -97,6 +151,13 @@ class PipelineConfig(Settings):
     calibration: CalibrationConfig = CalibrationConfig()
     solver: SolverConfig = SolverConfig()
     sides: SidesConfig = SidesConfig()
+    prior: PriorConfig = PriorConfig()
+
+    @model_validator(mode="after")
+    def _check(self) -> PipelineConfig:
+        if not (self.sides.joint or self.prior.says_nothing):
+            raise ValueError("what is known of a zone needs sides.joint")
+        return self
 
 
 def load_config(path: Path) -> PipelineConfig:

@@ -71,13 +71,17 @@ class Hypotheses:
     inflation: Float64[Array, "N"] | None = None
     centre_m: Float64[Array, "N 2"] | None = None
 
+    def factor(self) -> Float64[Array, "N 1 1"]:
+        """Return ``inflation``, or 1 where it is unknown, to multiply covariances with."""
+        known = np.ones(len(self.log_odds)) if self.inflation is None else self.inflation
+        return known[:, None, None]
+
     def curves(self, side: Int64[Array, "N"]) -> Curves | None:
         """Return along what curves the places on the given sides err; None where unknown."""
         if self.centre_m is None:
             return None
         rows = np.arange(len(side))
-        inflation = np.ones(len(side)) if self.inflation is None else self.inflation
-        covariance_m2 = self.covariance_m2[rows, side] * inflation[:, None, None]
+        covariance_m2 = self.covariance_m2[rows, side] * self.factor()
         place_m, mirror_m = self.position_m[rows, side], self.position_m[rows, 1 - side]
         return Curves.of(place_m, mirror_m, covariance_m2, self.centre_m)
 
@@ -85,8 +89,7 @@ class Hypotheses:
         self, covariance_m2: Float64[Array, "N 2 2"], side: Int64[Array, "N"]
     ) -> Float64[Array, "N 2 2"]:
         """Return what is reported of places with linear covariances (``honest_errors.py``)."""
-        if self.inflation is not None:
-            covariance_m2 = covariance_m2 * self.inflation[:, None, None]
+        covariance_m2 = covariance_m2 * self.factor()
         curves = self.curves(side)
         return covariance_m2 if curves is None else curves.covariance_m2(covariance_m2)
 

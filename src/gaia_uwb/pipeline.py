@@ -28,6 +28,7 @@ from gaia_uwb.denoisers import make_denoiser
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus
 from gaia_uwb.geometry import make_boundary
+from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.locate import Hypotheses, locate
 from gaia_uwb.scene import Scene
 from gaia_uwb.scene_samples import sample_scenes
@@ -175,7 +176,7 @@ def reconstruct_episodes(
     episodes
         Whole runs or windows of them; their truth is not looked at.
     config
-        ``denoiser``, ``solver`` and ``sides`` are used.
+        ``denoiser``, ``solver``, ``sides`` and ``prior`` are used.
     true_nlos
         True NLOS labels, for the paper's labelled setting of the ``wls`` solver only.
 
@@ -190,16 +191,18 @@ def reconstruct_episodes(
     hypotheses = locate(blind, denoised, config.solver, nlos=true_nlos)
     results = []
     for episode, ranges, places in zip(blind, denoised, hypotheses, strict=True):
-        decision = decide_sides(episode.anchor_ids, places, config.sides, config.solver)
+        facts = KnownFacts.of(config.prior, episode)
+        decision = decide_sides(episode.anchor_ids, places, config.sides, config.solver, facts)
         anchors = decision.anchors
         boundary = make_boundary(np.stack([anchor.position_m for anchor in anchors]))
         reasons = (
             *_log_reasons(episode, config),
             *denoiser.notes(episode),
+            *decision.reasons,
             *_reasons(anchors, boundary),
         )
         status = ReconstructionStatus.UNRELIABLE if reasons else ReconstructionStatus.OK
-        possible = (places, decision.combinations)
+        possible = (decision.hypotheses, decision.combinations)
         results.append(
             Reconstruction(episode, ranges, anchors, boundary, status, reasons, config, possible)
         )

@@ -15,16 +15,20 @@ probabilities, not the choice.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from gaia_uwb._typing import Array, Bool, Float64, Int64
 from gaia_uwb.config import SidesConfig, SolverConfig
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
+from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.side_search import SHARED_ERRORS, Search, all_combinations
+
+Known: TypeAlias = Callable[[Int64[Array, "_ _"]], Float64[Array, "_"]]
 
 _ENUMERATE = 8  # undecided anchors of which all combinations are compared
 _DECIDED = 12.0  # log odds beyond which the ranges alone decide
@@ -65,10 +69,16 @@ class Decision:
         One fix per anchor, in the order of ``anchor_ids``.
     combinations
         What else the anchors' sides may be.
+    hypotheses
+        Both places of each anchor, with what was surveyed of them.
+    reasons
+        What the ranges say against what was known beforehand, in words.
     """
 
     anchors: tuple[AnchorFix, ...]
     combinations: Combinations
+    hypotheses: Hypotheses
+    reasons: tuple[str, ...] = ()
 
 
 def resolve_sides(
@@ -103,6 +113,7 @@ def decide_sides(
     hypotheses: Hypotheses,
     config: SidesConfig = SidesConfig(),
     solver: SolverConfig = SolverConfig(),
+    facts: KnownFacts | None = None,
 ) -> Decision:
     """Choose a side for every anchor, and keep the combinations of sides that may be instead.
 
@@ -110,11 +121,18 @@ def decide_sides(
     ----------
     anchor_ids, hypotheses, config, solver
         As in :func:`resolve_sides`.
+    facts
+        What is known of the zone beforehand; only with ``joint``.
     """
     located = np.flatnonzero(np.isfinite(hypotheses.position_m).all(axis=(1, 2)))
     chosen = _apart(hypotheses)
-    if config.joint and len(located) > 1:
-        chosen, combinations = _jointly(hypotheses, chosen, located)
+    reasons: tuple[str, ...] = ()
+    if config.joint and facts is not None and len(located):
+        found, hypotheses, reasons = _with_facts(hypotheses, located, facts)
+        chosen, combinations = found.decision(chosen, located)
+        reasons += facts.exceptions(found.place_m, [anchor_ids[n] for n in located], reasons)
+    elif config.joint and len(located) > 1:
+        chosen, combinations = _jointly(hypotheses, located).decision(chosen, located)
     else:
         combinations = _independent(chosen.mirror_probability[located], located)
     chosen = _honest(hypotheses, chosen)
@@ -122,7 +140,7 @@ def decide_sides(
         _fix(anchor_id, hypotheses, chosen, n, config, solver)
         for n, anchor_id in enumerate(anchor_ids)
     )
-    return Decision(anchors, combinations)
+    return Decision(anchors, combinations, hypotheses, reasons)
 
 
 @dataclass(frozen=True)
@@ -160,14 +178,9 @@ def _one_place(hypotheses: Hypotheses) -> Bool[Array, "N"]:
     return distance2 < 1.0
 
 
-def _inflation(hypotheses: Hypotheses) -> Float64[Array, "N"]:
-    known = hypotheses.inflation
-    return np.ones(len(hypotheses.log_odds)) if known is None else known
-
-
 def _apart(hypotheses: Hypotheses) -> _Choice:
     """Take each anchor's better-fitting hypothesis."""
-    odds = hypotheses.log_odds / _inflation(hypotheses)
+    odds = hypotheses.log_odds / hypotheses.factor().ravel()
     mirror = 1.0 / (1.0 + np.exp(np.minimum(odds, 700.0)))
     mirror[_one_place(hypotheses)] = 0.0
     return _Choice(
@@ -205,41 +218,88 @@ def _kept(
     return Combinations(located, side[order], weight[order] / weight[order].sum(), joint)
 
 
+@dataclass(frozen=True)
+class _Comparison:
+    """Combinations of sides over the located anchors, compared."""
+
+    side: Int64[Array, "K M"]
+    weight: Float64[Array, "K"]
+    """Probabilities of all combinations that were looked at."""
+    best: int
+    is_open: Bool[Array, "M"]
+    place_m: Float64[Array, "M 2"]
+    covariance_m2: Float64[Array, "M 2 2"]
+    """Joint places under the best combination."""
+
+    def decision(self, apart: _Choice, located: Int64[Array, "M"]) -> tuple[_Choice, Combinations]:
+        """Return the best combination with the probabilities of the others."""
+        best = self.side[self.best]
+        probability = np.clip((self.weight[:, None] * (self.side != best)).sum(axis=0), 0.0, 1.0)
+        # A mirror image that nobody looked at keeps what its own ranges leave it.
+        probability = np.where(self.is_open, probability, apart.mirror_probability[located])
+        side, place_m = apart.side.copy(), apart.place_m.copy()
+        covariance_m2, mirror = apart.covariance_m2.copy(), apart.mirror_probability.copy()
+        side[located], mirror[located] = best, probability
+        place_m[located], covariance_m2[located] = self.place_m, self.covariance_m2
+        choice = _Choice(side, place_m, covariance_m2, mirror, apart.mirror_covariance_m2)
+        return choice, _kept(self.side, self.weight, located, joint=True)
+
+
 def _jointly(
-    hypotheses: Hypotheses, apart: _Choice, located: Int64[Array, "M"]
-) -> tuple[_Choice, Combinations]:
-    """Compare combinations of sides over the located anchors."""
-    place = hypotheses.position_m[located]
-    covariance = hypotheses.covariance_m2[located]
+    hypotheses: Hypotheses, located: Int64[Array, "M"], known: Known | None = None
+) -> _Comparison:
+    """Compare combinations of sides; ``known`` is the log likelihood of what else is known."""
     odds = hypotheses.log_odds[located]
-    one_place = _one_place(hypotheses)[located]
     # Errors peculiar to some anchors make the evidence of all worth less, by their geometric mean
     # over the zone, which leaves the best combination what it is. On training layouts of the preset
     # "wild" that gave the true combination the highest mean log probability of seven such rules.
-    doubt = float(np.exp(np.log(_inflation(hypotheses)[located]).mean()))
-    open_sides = _open(odds, doubt, one_place)
-    search = Search(place, covariance, odds)
+    doubt = float(np.exp(np.log(hypotheses.factor()[located]).mean()))
+    worth = SHARED_ERRORS / doubt
+    open_sides = _open(odds, doubt, _one_place(hypotheses)[located])
+    search = Search(
+        hypotheses.position_m[located],
+        hypotheses.covariance_m2[located],
+        odds,
+        None if known is None else lambda side: known(side) / worth,
+    )
     if len(open_sides) <= _ENUMERATE:
         search.look_at(all_combinations(len(located), open_sides))
     else:
         search.climb(open_sides)
     best, evidence, combinations = search.result()
-    weight = np.exp(SHARED_ERRORS / doubt * (evidence - evidence.max()))
+    weight = np.exp(worth * (evidence - evidence.max()))
     weight /= weight.sum()
-    flipped = combinations != combinations[best]
-    probability = np.clip((weight[:, None] * flipped).sum(axis=0), 0.0, 1.0)
-    # A mirror image that nobody looked at keeps what its own ranges leave it.
-    alone = np.zeros(len(located), dtype=np.bool_)
-    alone[open_sides] = True
-    probability = np.where(alone, probability, apart.mirror_probability[located])
-    joint_place, joint_covariance = search.places(combinations[best])
-    side, place_m = apart.side.copy(), apart.place_m.copy()
-    covariance_m2, mirror = apart.covariance_m2.copy(), apart.mirror_probability.copy()
-    side[located], mirror[located] = combinations[best], probability
-    place_m[located], covariance_m2[located] = joint_place, joint_covariance
-    kept = _kept(combinations, weight, located, joint=True)
-    choice = _Choice(side, place_m, covariance_m2, mirror, apart.mirror_covariance_m2)
-    return choice, kept
+    is_open = np.zeros(len(located), dtype=np.bool_)
+    is_open[open_sides] = True
+    place_m, covariance_m2 = search.places(combinations[best])
+    return _Comparison(combinations, weight, best, is_open, place_m, covariance_m2)
+
+
+def _with_facts(
+    hypotheses: Hypotheses, located: Int64[Array, "M"], facts: KnownFacts
+) -> tuple[_Comparison, Hypotheses, tuple[str, ...]]:
+    """Compare combinations with what is known, as far as the ranges do not speak against it."""
+    alone = _jointly(hypotheses, located)
+    said = facts.statements(hypotheses, located, alone.side)
+    against = [statement.contradiction(alone.weight) for statement in said]
+    reasons = tuple(reason for reason in against if reason is not None)
+    holds = facts.only([reason is None for reason in against], said)
+    if holds is None:
+        return alone, hypotheses, reasons
+    surveyed = holds.with_surveys(hypotheses)
+    found = _jointly(
+        surveyed,
+        located,
+        lambda side: np.asarray(
+            sum(each.log_ratio for each in holds.statements(hypotheses, located, side))
+        ),
+    )
+    common = SHARED_ERRORS * surveyed.covariance_m2[located, found.side[found.best]]
+    factor = hypotheses.factor()[located]
+    own_m2 = factor * (found.covariance_m2 - common)
+    place_m, own_m2 = holds.with_spacing(found.place_m, own_m2)
+    found = replace(found, place_m=place_m, covariance_m2=own_m2 / factor + common)
+    return found, surveyed, reasons
 
 
 def _open(

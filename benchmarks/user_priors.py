@@ -1,0 +1,101 @@
+"""Measure what a user's knowledge of a zone is worth: docs/howto/known-facts.md.
+
+The same simulated test passes are reconstructed without and with true statements, and with wrong
+ones. Usage: python benchmarks/user_priors.py [--episodes N] [--source SPEC]
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+
+import numpy as np
+
+from gaia_uwb.config import PipelineConfig, make_config
+from gaia_uwb.denoisers import make_denoiser
+from gaia_uwb.episode import Episode
+from gaia_uwb.estimate import AnchorStatus
+from gaia_uwb.known_facts import KnownFacts
+from gaia_uwb.locate import Hypotheses, locate
+from gaia_uwb.metrics import score_episode
+from gaia_uwb.pipeline import prepare
+from gaia_uwb.sides import decide_sides
+from gaia_uwb.sources import load_scenes
+
+Said = Callable[[Episode], dict[str, object]]
+OTHER = {"left": "right", "right": "left"}
+
+
+def side_of(episode: Episode) -> str | None:
+    """Return the side on which all true places are, or None where they are on both."""
+    assert episode.truth is not None
+    facts = KnownFacts(PipelineConfig().prior, episode.position_m, {}, episode.anchor_ids)
+    left = facts.left_of_path(episode.truth.anchor_m)
+    if left.all():
+        return "left"
+    return None if left.any() else "right"
+
+
+def surveyed(episode: Episode, off_m: float = 0.0) -> dict[str, object]:
+    """Return the first anchor's true place, moved east by ``off_m``."""
+    assert episode.truth is not None
+    east_m, north_m = episode.truth.anchor_m[0].tolist()
+    known = {"anchor_id": episode.anchor_ids[0], "east_m": east_m + off_m, "north_m": north_m}
+    return {"known_anchors": [known]}
+
+
+STATEMENTS: dict[str, Said] = {
+    "nothing": lambda _: {},
+    "one side (lane-closure)": lambda _: {"closure": "lane-closure"},
+    "the right side": lambda e: {"side": side_of(e)},
+    "first cone surveyed": surveyed,
+    "side and first cone": lambda e: {"side": side_of(e)} | surveyed(e),
+    "WRONG: the other side": lambda e: {"side": OTHER[side_of(e) or "left"]},
+    "WRONG: first cone 25 m off": lambda e: surveyed(e, 25.0),
+}
+
+
+def row(name: str, said: Said, episodes: list[Episode], found: list[Hypotheses]) -> str:
+    """Reconstruct all episodes with one statement and return a row of the table."""
+    scores, noticed, doubtful = [], [], []
+    for episode, places in zip(episodes, found, strict=True):
+        config = make_config({"prior": said(episode)})
+        facts = KnownFacts.of(config.prior, episode)
+        decision = decide_sides(episode.anchor_ids, places, config.sides, config.solver, facts)
+        ranges = make_denoiser("raw")([episode])[0]
+        scores.append(score_episode(episode, ranges, decision.anchors))
+        noticed.append(bool(decision.reasons))
+        doubtful.append(np.mean([fix.status is AnchorStatus.AMBIGUOUS for fix in decision.anchors]))
+    cells = []
+    for metric, scale, digits in (
+        ("polygon_iou", 1.0, 3),
+        ("anchor_mae", 1.0, 2),
+        ("wrong_side_share", 100.0, 1),
+    ):
+        values = [each[metric].value for each in scores if metric in each]
+        cells.append(f"{scale * np.mean(values):.{digits}f}")
+    return (
+        f"| {name} | {cells[0]} | {cells[1]} | {cells[2]} % | {100 * np.mean(doubtful):.0f} % | "
+        f"{100 * np.mean(noticed):.0f} % |"
+    )
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--episodes", type=int, default=300)
+    parser.add_argument("--source", default="sim:wild-test/1")
+    given = parser.parse_args()
+    runs = [prepare(scene) for scene in load_scenes(f"{given.source}/{given.episodes}")]
+    episodes = [run for run in runs if side_of(run) is not None]
+    blind = [run.without_truth() for run in episodes]
+    found = locate(blind, make_denoiser(PipelineConfig().denoiser)(blind))
+    print(f"{len(episodes)} of {len(runs)} zones have all cones on one side\n")
+    print("| said | IoU | anchor error (m) | wrong sides | side unknown | statement contradicted |")
+    print("|---|---|---|---|---|---|")
+    for name, said in STATEMENTS.items():
+        print(row(name, said, episodes, found), flush=True)
+
+
+if __name__ == "__main__":
+    main()
