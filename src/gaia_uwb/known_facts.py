@@ -34,6 +34,7 @@ _CONTRADICTED = 1.0 / 20.0  # Bayes factor below which a statement is reported a
 _ANYWHERE_M2 = np.pi * 100.0**2  # where a cone may be whose surveyed place is wrong
 _CONSISTENT = 13.8  # squared distance in standard deviations: 99.9 % of two coordinates are nearer
 _NEIGHBOUR_SIGMA = 3.0
+_CLEARLY_NOT = 0.05
 _ROUNDS = 3
 _CHUNK = 1 << 22
 
@@ -145,19 +146,16 @@ class KnownFacts:
         side : (K, M)
             Which hypothesis each takes in each combination.
         """
-        place_m = hypotheses.position_m[located]  # (M, 2, 2)
         prior, found = self.prior, []
         if prior.side is not None or prior.closure is not None:
-            left = self._left(place_m)[np.arange(len(located)), side]
+            covariance_m2 = (hypotheses.covariance_m2 * hypotheses.factor()[:, None])[located]
+            left = self._left(hypotheses.position_m[located], covariance_m2)
+            left = left[np.arange(len(located)), side]
         if prior.side is not None:
-            right_side = left if prior.side == "left" else ~left
-            found.append(
-                self._statement(
-                    f"all cones are on the {prior.side}", "side", self._one_side(right_side)
-                )
-            )
+            said = self._one_side(left if prior.side == "left" else 1.0 - left)
+            found.append(self._statement(f"all cones are on the {prior.side}", "side", said))
         if prior.closure is not None and prior.closure != "median-crossover":
-            both = np.logaddexp(self._one_side(left), self._one_side(~left)) - np.log(2.0)
+            both = np.logaddexp(self._one_side(left), self._one_side(1.0 - left)) - np.log(2.0)
             found.append(
                 self._statement(f"a {prior.closure}: all cones on one side", "closure", both)
             )
@@ -194,14 +192,18 @@ class KnownFacts:
         return replace(self, prior=self.prior.model_copy(update=changes), surveyed=surveyed)
 
     def exceptions(
-        self, place_m: Float64[Array, "M 2"], ids: Sequence[str], reasons: Sequence[str]
+        self,
+        place_m: Float64[Array, "M 2"],
+        covariance_m2: Float64[Array, "M 2 2"],
+        ids: Sequence[str],
+        reasons: Sequence[str],
     ) -> tuple[str, ...]:
-        """Name the cones that the ranges put on the other side than was said, if there are any.
+        """Name the cones that clearly stand on the other side than was said, if there are any.
 
         Parameters
         ----------
-        place_m : (M, 2)
-            Where the cones were found to stand, in metres.
+        place_m, covariance_m2 : (M, 2), (M, 2, 2)
+            Where the cones were found to stand, in metres, and how sure that is.
         ids
             Their names.
         reasons
@@ -210,17 +212,15 @@ class KnownFacts:
         side = self.prior.side
         if side is None or any(f"all cones are on the {side}" in reason for reason in reasons):
             return ()
-        left = self.left_of_path(place_m)
-        wrong = [name for name, on_left in zip(ids, left, strict=True)
-                 if on_left != (side == "left")]  # fmt: skip
+        left = self._left(place_m[:, None], covariance_m2[:, None])[:, 0]
+        holds = left if side == "left" else 1.0 - left
+        wrong = [name for name, share in zip(ids, holds, strict=True) if share < _CLEARLY_NOT]
         if not wrong:
             return ()
-        more = f" and {len(wrong) - 5} more" if len(wrong) > 5 else ""
         other = "right" if side == "left" else "left"
-        return (
-            f"the ranges put {', '.join(wrong[:5])}{more} on the {other}, though all cones were "
-            f"said to stand on the {side}",
-        )
+        more = f" and {len(wrong) - 5} more" if len(wrong) > 5 else ""
+        names = f"{', '.join(wrong[:5])}{more}"
+        return (f"the ranges put {names} on the {other}; all cones were said to be on the {side}",)
 
     def _statement(
         self, words: str, setting: str | int, log_ratio: Float64[Array, "K"]
@@ -228,10 +228,13 @@ class KnownFacts:
         error = self.prior.statement_error
         return Statement(words, setting, np.logaddexp(np.log(error), np.log1p(-error) + log_ratio))
 
-    def _one_side(self, holds: Bool[Array, "K M"]) -> Float64[Array, "K"]:
-        """Return the log ratio of a side that holds of each cone but for single mistakes."""
+    def _one_side(self, holds: Float64[Array, "K M"]) -> Float64[Array, "K"]:
+        """Return the log ratio of a side that holds of each cone but for single mistakes.
+
+        ``holds`` is the probability that the cone stands there, given its place's error.
+        """
         error = self.prior.statement_error
-        each = np.where(holds, np.log1p(-error), np.log(error)) + np.log(2.0)
+        each = np.log((1.0 - error) * holds + error * (1.0 - holds)) + np.log(2.0)
         return np.asarray(each.sum(axis=1))
 
     def left_of_path(self, place_m: Float64[Array, "M 2"]) -> Bool[Array, "M"]:
@@ -242,7 +245,8 @@ class KnownFacts:
         place_m : (M, 2)
             East and north, in metres.
         """
-        return self._left(place_m[:, None])[:, 0]
+        exact = np.zeros((len(place_m), 1, 2, 2))
+        return self._left(place_m[:, None], exact)[:, 0] > 0.5
 
     def _nearest(self, place_m: Float64[Array, "M H 2"]) -> Int64[Array, "M H"]:
         """Return the step of the path that is nearest to each place."""
@@ -254,15 +258,21 @@ class KnownFacts:
         ]
         return np.concatenate(nearest).reshape(place_m.shape[:2])
 
-    def _left(self, place_m: Float64[Array, "M H 2"]) -> Bool[Array, "M H"]:
-        """Return whether places are left of the nearest stretch of path."""
+    def _left(
+        self, place_m: Float64[Array, "M H 2"], covariance_m2: Float64[Array, "M H 2 2"]
+    ) -> Float64[Array, "M H"]:
+        """Return the probability that places are left of the nearest stretch of path."""
         step = self._nearest(place_m)
         reach = max(len(self.path_m) // 50, 1)  # a stretch, not one noisy step
         first = np.maximum(step - reach, 0)
         last = np.minimum(step + reach, len(self.path_m) - 1)
         heading = self.path_m[last] - self.path_m[first]
-        off = place_m - self.path_m[step]
-        return np.asarray(heading[..., 0] * off[..., 1] - heading[..., 1] * off[..., 0] > 0)
+        length_m = np.maximum(np.hypot(heading[..., 0], heading[..., 1]), 1e-9)
+        leftward = np.stack([-heading[..., 1], heading[..., 0]], axis=-1) / length_m[..., None]
+        offset_m = ((place_m - self.path_m[step]) * leftward).sum(axis=-1)
+        variance_m2 = np.einsum("mhi,mhij,mhj->mh", leftward, covariance_m2, leftward)
+        scaled = offset_m / np.sqrt(np.maximum(np.nan_to_num(variance_m2, nan=1e12), 1e-6))
+        return np.asarray(1.0 / (1.0 + np.exp(-1.702 * np.clip(scaled, -30.0, 30.0))))
 
     def _order(
         self, place_m: Float64[Array, "M 2 2"], side: Int64[Array, "K M"]
@@ -374,7 +384,7 @@ def _misfit(
 ) -> tuple[Float64[Array, "2"], Float64[Array, "2"]]:
     """Return how far a survey is from both places, squared and scaled, and log determinants."""
     covariance_m2 = hypotheses.covariance_m2[index] * hypotheses.factor()[index]
-    covariance_m2 = covariance_m2 + sigma_m**2 * np.eye(2)
+    covariance_m2 = np.nan_to_num(covariance_m2, nan=0.0, posinf=1e12) + sigma_m**2 * np.eye(2)
     off_m = survey_m - hypotheses.position_m[index]
     scaled = np.linalg.solve(covariance_m2, off_m[..., None])[..., 0]
     return (off_m * scaled).sum(axis=1), np.linalg.slogdet(covariance_m2)[1]

@@ -130,7 +130,9 @@ def decide_sides(
     if config.joint and facts is not None and len(located):
         found, hypotheses, reasons = _with_facts(hypotheses, located, facts)
         chosen, combinations = found.decision(chosen, located)
-        reasons += facts.exceptions(found.place_m, [anchor_ids[n] for n in located], reasons)
+        honest_m2 = found.covariance_m2 * hypotheses.factor()[located]
+        ids = [anchor_ids[n] for n in located]
+        reasons += facts.exceptions(found.place_m, honest_m2, ids, reasons)
     elif config.joint and len(located) > 1:
         chosen, combinations = _jointly(hypotheses, located).decision(chosen, located)
     else:
