@@ -131,7 +131,7 @@ def decide_sides(
         found, hypotheses, reasons = _with_facts(hypotheses, located, facts)
         chosen, combinations = found.decision(chosen, located)
         honest_m2 = found.covariance_m2 * hypotheses.factor()[located]
-        ids = [anchor_ids[n] for n in located]
+        ids = [anchor_ids[n] for n in located.tolist()]
         reasons += facts.exceptions(found.place_m, honest_m2, ids, reasons)
     elif config.joint and len(located) > 1:
         chosen, combinations = _jointly(hypotheses, located).decision(chosen, located)

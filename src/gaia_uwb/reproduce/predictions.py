@@ -228,7 +228,7 @@ def _locate(
     config = solver.config
     places = locate(blind, denoised, config.solver, nlos=labels)
     return [
-        tuple(resolve_sides(episode, own, config.sides, config.solver))
+        tuple(resolve_sides(episode.anchor_ids, own, config.sides, config.solver))
         for episode, own in zip(blind, places, strict=True)
     ]
 
