@@ -12,6 +12,7 @@ from markdown_it import MarkdownIt
 
 from factories import SQUARE_M, make_fix, make_reconstruction, make_unlocated
 from gaia_uwb.advice import Advice
+from gaia_uwb.boundary_uncertainty import Region
 from gaia_uwb.episode import ClockOffset
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.people_report import people_report
@@ -23,7 +24,7 @@ from test_map_page import HOSTILE
 
 JARGON = re.compile(
     r"\b(covarian|sigma|residual|converge|ill-condition|hypothes|solver|multilaterat|mirror|"
-    r"posterior|NLOS\b|LOS\b|nan\b|None\b)", re.IGNORECASE,
+    r"posterior|NLOS\b|LOS\b|nan\b|(?-i:None\b))", re.IGNORECASE,
 )  # fmt: skip
 SECTIONS = [
     "What was found", "How sure it is", "What limited it", "What would improve it", "The cones",
@@ -153,10 +154,27 @@ def test_real_run(outdoor_dir: Path) -> None:
     assert "**Reliable.** 4 of 4 cones were located." in parts[""]
     assert "178.1 s" in parts["What was found"]
     assert "s late against those" in parts["How sure it is"]
+    regions = result.boundary_uncertainty
+    assert regions is not None
+    assert (
+        f"With 90 % probability all of a region of {regions.inner.area_m2:.1f} m² is work zone"
+        in parts["How sure it is"]
+    )
+    assert f"outside a region of {regions.outer.area_m2:.1f} m²" in parts["How sure it is"]
     rows = table(parts["The cones"])[2:]
     assert [row[0] for row in rows] == [*result.episode.anchor_ids]
     for row, anchor in zip(rows, result.anchors, strict=True):
         assert [float(row[2]), float(row[3])] == pytest.approx(anchor.position_m, abs=0.0051)
+
+
+def test_no_region_is_sure() -> None:
+    result = reconstruct(simulate_pass(PRESETS["lane-closure"], seed=0))
+    known = result.boundary_uncertainty
+    assert known is not None
+    nothing = replace(known, inner=Region((), 0.0))
+    result.__dict__["boundary_uncertainty"] = nothing
+    sure = read(result)["How sure it is"]
+    assert "With 90 % probability no place is sure to be work zone, and with 90 %" in sure
 
 
 def test_reasons_that_no_check_knows_are_passed_on() -> None:

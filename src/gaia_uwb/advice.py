@@ -21,8 +21,8 @@ class Advice(StrEnum):
         "that bends tells left from right."
     )
     SURVEY = (
-        "Survey one of these cones, or note on which side of the road it stands, and compare it "
-        "with the map: it shows both places."
+        "Survey one of these cones, or note on which side of the road they stand, and say so "
+        "(`--known-anchor`, `--side`); the map shows both places."
     )
     BOTH_WAYS = (
         "Drive past once in each direction: a difference of the clocks moves the cones forwards "

@@ -129,6 +129,7 @@ def _sureness(reconstruction: Reconstruction) -> Iterator[str]:
             f"its place (half of the cones closer); for {in_markdown(worst.anchor_id)}, the least "
             f"certain, it is {metres(max(reach_m))}."
         )
+    yield from _regions(reconstruction)
     if located:
         doubt = max(located, key=lambda anchor: anchor.mirror_probability)
         yield (
@@ -149,6 +150,21 @@ def _sureness(reconstruction: Reconstruction) -> Iterator[str]:
         "All this is relative to the positions of the drive. An error of these (base station, "
         "map datum) moves all cones together and comes on top; size and shape of the zone are "
         "free of it."
+    )
+
+
+def _regions(reconstruction: Reconstruction) -> Iterator[str]:
+    found = reconstruction.boundary_uncertainty
+    if found is None:
+        return
+    sure, outer = percent(found.probability), _square_metres(found.outer.area_m2)
+    if found.inner.area_m2 > 0.0:
+        inner = f"all of a region of {_square_metres(found.inner.area_m2)} is work zone"
+    else:
+        inner = "no place is sure to be work zone"
+    yield (
+        f"With {sure} probability {inner}, and with {sure} probability none of the work zone lies "
+        f"outside a region of {outer}; the map shows both."
     )
 
 
