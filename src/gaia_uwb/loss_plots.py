@@ -35,7 +35,8 @@ def plot_losses(log: Sequence[Mapping[str, Any]]) -> Figure:
         for axes, term in zip(figure.subplots(1, len(terms), squeeze=False)[0], terms, strict=True):
             for part, (colour, dashes) in _LINES.items():
                 values = [line[part][term] for line in log]
-                axes.plot(epochs, values, color=colour, ls=dashes, label=part)
+                mark = None if len(epochs) > 1 else "o"
+                axes.plot(epochs, values, marker=mark, color=colour, ls=dashes, label=part)
             axes.set(title=_NAMES[term], xlabel="epoch", yscale="log")
         figure.legend(
             *figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2

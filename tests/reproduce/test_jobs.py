@@ -7,6 +7,7 @@ import os
 
 import pytest
 
+from gaia_uwb.errors import ConfigError
 from gaia_uwb.reproduce.jobs import Job, run_jobs
 
 
@@ -42,3 +43,8 @@ def test_other_processes_have_one_thread_each() -> None:
 def test_a_failure_is_raised(workers: int) -> None:
     with pytest.raises(ZeroDivisionError):
         run_jobs([Job("bad", operator.truediv, (1, 0))], workers)
+
+
+def test_a_process_that_is_gone_is_told_in_one_line() -> None:
+    with pytest.raises(ConfigError, match="bad: its process was ended from outside"):
+        run_jobs([Job("bad", os._exit, (1,))], 1)

@@ -38,10 +38,16 @@ def predict(folder: Path, episodes, name: str = "kalman", solvers=ROBUST) -> Pre
 
 
 @pytest.mark.parametrize(("solvers", "labels"), [(ROBUST, False), (WLS, True)])
-def test_they_are_what_the_pipeline_gives(tmp_path: Path, episodes, solvers, labels) -> None:
-    found = predict(tmp_path, episodes, "pose-kalman", solvers)
+@pytest.mark.parametrize("in_pieces", [False, True])
+def test_they_are_what_the_pipeline_gives(
+    tmp_path: Path, episodes, solvers, labels, in_pieces: bool
+) -> None:
+    pieces = whole("raw" if in_pieces else "pose-kalman", episodes)
+    if in_pieces:  # a second piece that nothing is taken from
+        pieces = [[*own, Piece("median", 0, 64, 64)] for own in pieces]
+    found = cached_predictions(OutputFolder(tmp_path), "file", episodes, pieces, solvers)
     (name, solver) = next(iter(solvers.items()))
-    config = solver.config.model_copy(update={"denoiser": "pose-kalman"})
+    config = solver.config.model_copy(update={"denoiser": pieces[0][0].denoiser})
     nlos = [e.truth.nlos for e in episodes] if labels else None
     expected = reconstruct_episodes(episodes, config, true_nlos=nlos)
     for k, own in enumerate(expected):

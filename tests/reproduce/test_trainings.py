@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -68,6 +69,44 @@ def test_a_model_without_a_note_is_taken_up_if_it_is_of_the_same_training(tmp_pa
     other = Training(training.place, TINY.recipe(KINDS["mlp"], 1), training.data, None, "1.2.3")
     with pytest.raises(ConfigError, match="another training"):
         train_model(other)
+
+
+def test_a_training_that_was_stopped_goes_on_to_the_same_weights(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from gaia_uwb import training as module
+
+    plan, real = replace(TINY, epochs=2), module.train
+    recipe = plan.recipe(KINDS["mlp"], 0)
+    stopped, whole = (
+        stress_training(tmp_path / name / "models", "mlp", recipe, "1.2.3")
+        for name in ("stopped", "whole")
+    )
+
+    def stop_after_one(task, folder, *, base, progress):
+        def once(epochs, name, done):
+            for k, epoch in enumerate(progress(epochs, name, done)):
+                if k == 1:
+                    raise KeyboardInterrupt
+                yield epoch
+
+        return real(task, folder, base=base, progress=once)
+
+    monkeypatch.setattr(module, "train", stop_after_one)
+    with pytest.raises(KeyboardInterrupt):
+        train_model(stopped)
+    stamp = read_stamp(stopped.place)
+    assert stamp is not None
+    assert stamp["done"] is False
+    monkeypatch.setattr(module, "train", real)
+    assert train_model(stopped) is True
+    assert len((stopped.place / "training-log.jsonl").read_text().splitlines()) == 2
+    train_model(whole)
+    assert weights(stopped) == weights(whole)
+    again = read_stamp(stopped.place)
+    assert again is not None
+    assert again["seconds"] >= stamp["seconds"]
+    assert again["taken_up"] is False
 
 
 def test_a_base_is_trained_before_what_stands_on_it(tmp_path: Path) -> None:

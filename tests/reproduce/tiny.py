@@ -14,7 +14,7 @@ from surveyed import make_runs
 TINY = replace(
     QUICK,
     n_test=3,
-    splits=("window", "sim"),
+    splits=("layout", "sim"),
     preparations=("aligned",),
     lengths=(64, None),
     stressors=QUICK.stressors[:1],
@@ -22,7 +22,6 @@ TINY = replace(
     n_validation=2,
     hidden=4,
     run_s=None,
-    n_layouts=1,
 )
 
 

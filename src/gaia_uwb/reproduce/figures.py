@@ -23,7 +23,7 @@ from gaia_uwb.loss_plots import plot_losses
 from gaia_uwb.reproduce.formats import QUICK_MARK
 from gaia_uwb.reproduce.plan import METHODS
 from gaia_uwb.reproduce.scores import Row, Table
-from gaia_uwb.reproduce.workshop import Workshop
+from gaia_uwb.reproduce.workshop import OUTDOOR, Workshop
 from gaia_uwb.robustness_plots import plot_robustness
 
 if TYPE_CHECKING:
@@ -161,8 +161,9 @@ def _zones(table: Table) -> list[Zone]:
     order = np.argsort(iou, kind="stable")
     chosen = [int(order[round(q * (len(order) - 1))]) for q in _QUANTILES]
     return [
-        _zone(table, rows, k, f"quartile {n}: GAIA's IoU {iou[k]:.2f}\n{table.episodes[k].name}")
+        _zone(table, rows, k, f"quartile {n}: GAIA's IoU {iou[k]:.2f}\n{name}")
         for n, k in enumerate(chosen, start=1)
+        for name in [table.episodes[k].name.removeprefix(f"{OUTDOOR}:")]
     ]
 
 

@@ -10,9 +10,12 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
+
+from gaia_uwb.errors import ConfigError
 
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
@@ -56,6 +59,11 @@ def run_jobs(
     watch
         Is told what was done and how much time is left.
 
+    Raises
+    ------
+    ConfigError
+        If a process was ended from outside.
+
     Examples
     --------
     >>> jobs = [Job("b", pow, (2, 3), after=("a",)), Job("a", pow, (2, 2))]
@@ -82,7 +90,13 @@ def run_jobs(
                     started.add(job.name)
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 job = running.pop(future)
-                done[job.name] = future.result()
+                try:
+                    done[job.name] = future.result()
+                except BrokenProcessPool as error:
+                    raise ConfigError(
+                        f"{job.name}: its process was ended from outside, perhaps for want of "
+                        "memory; the same command goes on, --workers 1 takes less"
+                    ) from error
                 watch(clock.line(job))
     return done
 
@@ -143,7 +157,7 @@ def spell(duration_s: float) -> str:
 
     Examples
     --------
-    >>> spell(42.3), spell(612), spell(8000)
+    >>> spell(42.3), spell(612.0), spell(8000.0)
     ('42 s', '10 min', '2 h 13 min')
     """
     if duration_s < 90:

@@ -8,6 +8,7 @@ formed from what the file holds, so that a second call gives the same digits.
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import time
@@ -20,18 +21,19 @@ from zipfile import BadZipFile
 import numpy as np
 
 from gaia_uwb._typing import Array, Bool
-from gaia_uwb.checkpoint import find_model, read_description
+from gaia_uwb.checkpoint import DESCRIPTION, find_model
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoisers import make_denoiser
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.files import OutputFolder
 from gaia_uwb.locate import locate
+from gaia_uwb.pipeline import reconstruct_episodes
 from gaia_uwb.reproduce.digests import code_digest, digest_of, episodes_digest
 from gaia_uwb.sides import resolve_sides
 
-_CODE = ("locate", "sides", "denoisers", "features", "corrections", "reproduce.predictions")
-_NOT_FOLLOWED = ("files", "learning_sets", "pipeline", "reproduce.digests", "simulate", "config")
+_CODE = ("pipeline", "locate", "sides", "denoisers", "reproduce.predictions")
+_NOT_FOLLOWED = ("files", "learning_sets", "reproduce.digests", "simulate", "config")
 _STATUSES = tuple(AnchorStatus)
 
 
@@ -137,12 +139,7 @@ def cached_predictions(
     if (found := _read(path, key, episodes)) is not None:
         return found
     start = time.perf_counter()
-    blind = [episode.without_truth() for episode in episodes]
-    denoised = denoise(blind, pieces)
-    anchors = {
-        solver_name: _locate(blind, denoised, solver, episodes)
-        for solver_name, solver in solvers.items()
-    }
+    denoised, anchors = _reconstruct(episodes, pieces, solvers)
     content = _pack(denoised, anchors, key, time.perf_counter() - start)
     folder.write_bytes(path.name, content)
     read = _read(path, key, episodes)
@@ -215,22 +212,51 @@ def _window(episode: Episode, piece: Piece) -> Episode:
     return episode.window(piece.start, piece.stop)
 
 
-def _locate(
-    blind: Sequence[Episode],
-    denoised: Sequence[DenoisedRanges],
-    solver: Solver,
-    episodes: Sequence[Episode],
-) -> list[tuple[AnchorFix, ...]]:
-    """Locate as :func:`gaia_uwb.pipeline.reconstruct_episodes` does; a test holds both together."""
-    labels: list[Bool[Array, "_ _"]] | None = None
-    if solver.labels:
-        labels = [e.truth.nlos for e in episodes if e.truth is not None]
-    config = solver.config
-    places = locate(blind, denoised, config.solver, nlos=labels)
+_Anchors = dict[str, list[tuple[AnchorFix, ...]]]
+
+
+def _reconstruct(
+    episodes: Sequence[Episode], pieces: Pieces, solvers: Mapping[str, Solver]
+) -> tuple[list[DenoisedRanges], _Anchors]:
+    """Denoise and locate; by the pipeline itself where one denoiser takes all of an episode."""
+    denoised: dict[int, DenoisedRanges] = {}
+    anchors: dict[tuple[str, int], tuple[AnchorFix, ...]] = {}
+    groups: dict[str, list[int]] = {}
+    for k, own in enumerate(pieces):
+        groups.setdefault(own[0].denoiser if len(own) == 1 else "", []).append(k)
+    for name, members in groups.items():
+        chosen = [episodes[k] for k in members]
+        for solver_name, solver in solvers.items():
+            if name:
+                config = solver.config.model_copy(update={"denoiser": name})
+                results = reconstruct_episodes(chosen, config, true_nlos=_labels(chosen, solver))
+                found = [(result.denoised, result.anchors) for result in results]
+            else:
+                found = _in_pieces(chosen, [pieces[k] for k in members], solver)
+            for k, (ranges, fixes) in zip(members, found, strict=True):
+                denoised[k], anchors[solver_name, k] = ranges, fixes
+    order = range(len(episodes))
+    by_solver = {name: [anchors[name, k] for k in order] for name in solvers}
+    return [denoised[k] for k in order], by_solver
+
+
+def _in_pieces(
+    episodes: Sequence[Episode], pieces: Pieces, solver: Solver
+) -> list[tuple[DenoisedRanges, tuple[AnchorFix, ...]]]:
+    """Do what the pipeline does with ranges that several denoisers made; a test compares both."""
+    blind = [episode.without_truth() for episode in episodes]
+    config, denoised = solver.config, denoise(blind, pieces)
+    places = locate(blind, denoised, config.solver, nlos=_labels(episodes, solver))
     return [
-        tuple(resolve_sides(episode.anchor_ids, own, config.sides, config.solver))
-        for episode, own in zip(blind, places, strict=True)
+        (ranges, resolve_sides(episode.anchor_ids, own, config.sides, config.solver))
+        for episode, ranges, own in zip(blind, denoised, places, strict=True)
     ]
+
+
+def _labels(episodes: Sequence[Episode], solver: Solver) -> list[Bool[Array, "_ _"]] | None:
+    if not solver.labels:
+        return None
+    return [episode.truth.nlos for episode in episodes if episode.truth is not None]
 
 
 def _key(episodes: Sequence[Episode], pieces: Pieces, solvers: Mapping[str, Solver]) -> str:
@@ -257,7 +283,8 @@ def _model(denoiser: str) -> Any:
     model = options.pop("model", None)
     if model is None:
         return [kind, options]
-    return [kind, options, read_description(find_model(kind, model)).sha256]
+    description = (find_model(kind, model) / DESCRIPTION).read_bytes()  # with all checksums
+    return [kind, options, hashlib.sha256(description).hexdigest()]
 
 
 def _pack(

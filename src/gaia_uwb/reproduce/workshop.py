@@ -53,7 +53,7 @@ class Ledger:
         return {
             "models": len(stamps),
             "models_taken_up": len(stamps) - len(known),
-            "training_s": round(sum(known), 1),
+            "training_s": round(float(sum(known)), 1),
             "prediction_s": round(self.prediction_s, 1),
         }
 
