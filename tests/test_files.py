@@ -9,10 +9,13 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gaia_uwb.errors import ConfigError
-from gaia_uwb.files import OutputFolder
+from gaia_uwb.files import OutputFolder, remove_abandoned, temporary_path
+from killed_runs import KilledRuns, gaia
+from test_wzdx_settings import TEXT
 
 
 def names(folder: Path) -> list[str]:
@@ -137,6 +140,67 @@ folder.write("report.json", write_half)
     kill(process)
     assert (tmp_path / "report.json").read_text() == "old"
     assert [name for name in names(tmp_path) if not name.startswith(".")] == ["report.json"]
+
+
+def test_what_a_killed_run_left_is_removed_by_the_next(tmp_path: Path) -> None:
+    code = """
+def write_half(temporary):
+    temporary.touch()
+    print("half", flush=True)
+    time.sleep(60)
+folder.write("a.bin", write_half)
+"""
+    process = start(code, tmp_path)
+    assert process.stdout is not None
+    process.stdout.readline()
+    ((left),) = names(tmp_path)
+    OutputFolder(tmp_path)
+    assert names(tmp_path) == [left]  # its owner lives
+    kill(process)
+    OutputFolder(tmp_path)
+    assert names(tmp_path) == []
+
+
+def test_what_may_have_an_owner_stays_for_a_day(tmp_path: Path) -> None:
+    mine = temporary_path(tmp_path, "report.json")
+    head, machine, process, run, rest = mine.name.split("-", 4)
+    elsewhere = "-".join([head, f"{int(machine, 16) ^ 1:08x}", "1", "00000000", rest])
+    earlier = "-".join([head, machine, process, "00000000", rest])  # our number, another run
+    folder = "-".join([head, machine, process, "00000001", "scene"])
+    others = [".gaia", ".gaia-x-1-y-z", ".report.json", f".{run}-report.json", "report.json"]
+    for name in (mine.name, elsewhere, earlier, *others):
+        (tmp_path / name).touch()
+    (tmp_path / folder / "inner").mkdir(parents=True)
+    remove_abandoned(tmp_path)
+    assert names(tmp_path) == sorted([mine.name, elsewhere, *others])
+    day_ago_s = time.time() - 100_000
+    os.utime(tmp_path / elsewhere, (day_ago_s, day_ago_s))
+    os.utime(mine, (day_ago_s, day_ago_s))
+    remove_abandoned(tmp_path)
+    assert names(tmp_path) == sorted([mine.name, *others])
+
+
+@pytest.mark.parametrize("command", ["reconstruct", "wzdx write"])
+def test_a_killed_command_leaves_whole_files_and_the_next_tidies_up(
+    tmp_path: Path, command: str
+) -> None:
+    # benchmarks/killed_commands.py does this a hundred times.
+    config = tmp_path / "feed.yaml"
+    config.write_text(TEXT, encoding="utf-8")
+    results, old = tmp_path / "results", tmp_path / "old"
+    log = ["reconstruct", "sim:lane-closure/3"]
+    feed = ["wzdx", "write", results, "--config", config, "--update-date"]
+    if command == "reconstruct":
+        first, then = [*log, "--denoiser", "raw"], log
+    else:
+        first, then = [*feed, "2026-11-22T09:30:00Z"], [*feed, "2026-11-22T10:00:00Z"]
+        assert gaia([*log, "--out", results]).wait() in (0, 1)
+    assert gaia([*first, "--out", old]).wait() in (0, 1)
+    runs = KilledRuns(lambda out: [*then, "--out", out], old, tmp_path)
+    rng = np.random.default_rng(20261122)
+    for _ in range(3):
+        runs.kill_once(rng)
+    runs.check_the_next_run()
 
 
 def test_kill_at_any_moment_never_shows_half_a_file(tmp_path: Path) -> None:

@@ -2,7 +2,8 @@
 
 Each file is written under a hidden temporary name in the folder itself, flushed to the disk, and
 renamed: the name shows the old content or the whole new one, also if the program is killed or the
-power fails in between. A killed program leaves at most one hidden file (``.<random>-<name>``).
+power fails in between. A killed program leaves at most one hidden file, whose name says whose it is
+(``.gaia-<machine>-<process>-<random>-<name>``); the next run in that folder removes it.
 
 >>> import tempfile
 >>> from gaia_uwb.files import OutputFolder
@@ -15,15 +16,27 @@ power fails in between. A killed program leaves at most one hidden file (``.<ran
 from __future__ import annotations
 
 import os
+import re
 import secrets
+import shutil
+import socket
+import time
+import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from gaia_uwb.errors import ConfigError
 
+_RUN = secrets.token_hex(4)  # a process may get the number of one that was killed
+_TEMPORARY = re.compile(r"\.gaia-([0-9a-f]{8})-([0-9]+)-([0-9a-f]{8})-.+", re.DOTALL)
+_ABANDONED_S = 86_400.0
+
 
 class OutputFolder:
     """A folder for results, made and tested for writing before any work starts.
+
+    What killed runs left there half-written is removed.
 
     Parameters
     ----------
@@ -38,11 +51,12 @@ class OutputFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        probe = self._temporary("probe")
+        probe = temporary_path(path, "probe")
         try:
             path.mkdir(parents=True, exist_ok=True)
             probe.touch(exist_ok=False)
             probe.unlink()
+            remove_abandoned(path)
         except OSError as error:
             raise ConfigError(f"{path}: cannot write to this folder: {_reason(error)}") from error
 
@@ -96,7 +110,7 @@ class OutputFolder:
             If the file cannot be written; what was there before is left as it was.
         """
         path = self.path / name
-        temporary = self._temporary(name)
+        temporary = temporary_path(self.path, name)
         try:
             writer(temporary)
             with temporary.open("rb") as written:
@@ -128,9 +142,67 @@ class OutputFolder:
         except OSError as error:
             raise ConfigError(f"{path}: cannot remove this file: {_reason(error)}") from error
 
-    def _temporary(self, name: str) -> Path:
-        """Return an unused name in the same folder, for only there a rename is atomic."""
-        return self.path / f".{secrets.token_hex(4)}-{name}"
+
+def temporary_path(folder: Path, name: str) -> Path:
+    """Return an unused hidden name in a folder, for only within a folder a rename is atomic.
+
+    Parameters
+    ----------
+    folder
+        Where the file shall be.
+    name
+        What it will be called.
+    """
+    owner = f"{_machine()}-{os.getpid()}-{_RUN}"
+    return folder / f".gaia-{owner}-{secrets.token_hex(2)}-{name}"
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove what killed programs left under temporary names in a folder, not in those below it.
+
+    Only what certainly has no owner goes: its process ran on this machine and is no more, or it has
+    not been touched for a day. What cannot be removed stays.
+
+    Parameters
+    ----------
+    folder
+        Where to look.
+    """
+    with suppress(OSError):
+        for path in folder.iterdir():
+            match = _TEMPORARY.fullmatch(path.name)
+            if match is not None and match[3] != _RUN:
+                with suppress(OSError):  # its owner, or another run that tidies up, was faster
+                    _remove_if_abandoned(path, machine=match[1], process=int(match[2]))
+
+
+def _remove_if_abandoned(path: Path, *, machine: str, process: int) -> None:
+    owned = machine != _machine() or _alive(process)
+    if owned and time.time() - path.lstat().st_mtime < _ABANDONED_S:
+        return
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink()
+
+
+def _machine() -> str:
+    return f"{zlib.crc32(socket.gethostname().encode()):08x}"
+
+
+def _alive(process: int) -> bool:
+    """Return whether a process of this machine runs; where that cannot be asked, it does."""
+    if process == os.getpid():  # the number of an earlier one, since its run was not this one
+        return False
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
 
 
 def _reason(error: OSError) -> str:

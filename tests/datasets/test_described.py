@@ -8,7 +8,6 @@ import yaml
 from bags import FORMATS, write_drive
 
 from gaia_uwb.datasets.described import is_described, read_described
-from gaia_uwb.datasets.input_description import InputDescription
 from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.sources import check_source, load_scenes
 
@@ -109,13 +108,3 @@ def test_sources_take_them_all(tmp_path: Path) -> None:
     assert [report.readable for report in reports] == [True, True, True, False]
     assert reports[3].problems == (f"{tmp_path / '4.bag'}: holds no topics",)
     assert not is_described(tmp_path)
-
-
-def test_the_documentation_shows_descriptions_that_are_right() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "inputs.md").read_text(encoding="utf-8")
-    blocks = [block.split("```")[0] for block in text.split("```yaml\n")[1:]]
-    assert len(blocks) == 4
-    for block in blocks:
-        content = yaml.safe_load(block)
-        whole = content if isinstance(content, dict) else {**CSV, "ranges": content}
-        InputDescription.model_validate(whole)

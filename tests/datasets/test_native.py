@@ -42,7 +42,7 @@ RECIPES = st.fixed_dictionaries(
     {
         "seed": st.integers(0, 2**32 - 1),
         "name": TEXTS,
-        "ids": st.lists(TEXTS.filter(str.strip), min_size=1, max_size=4, unique=True),
+        "ids": st.lists(TEXTS.map(str.strip).filter(bool), min_size=1, max_size=4, unique=True),
         "range_m": st.lists(st.floats(-500.0, 500.0), min_size=1, max_size=12),
         "start_s": st.sampled_from([0.0, -3.5, 1.7e9]),
         "frame": st.none()

@@ -35,7 +35,7 @@ def ids(table: Table) -> list[str]:
         b't,id\n1,"a"\n"2.5","12"',
         b"id,t\na,1.\n\n\n12,+.25e1\n   ,\n",
         b"other,t,id\nx,1,a\n,2.5,12\n,,\n",
-        b"t,id\n 1,a\n2.5\t,12\n",
+        b"t,id\n 1, a\n2.5\t,12 \n",
     ],
     ids=["plain", "windows", "byte order mark", "quotes", "blank lines", "others", "spaces"],
 )
@@ -43,6 +43,14 @@ def test_reads_what_spreadsheets_write(tmp_path: Path, content: bytes) -> None:
     table = read(tmp_path, content)
     np.testing.assert_array_equal(table["t"], [1.0, 2.5])
     assert ids(table) == ["a", "12"]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_spaces_around_a_text_do_not_make_it_another(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"table{suffix}"
+    frame = pl.DataFrame({"t": [1.0, 2.0, 3.0, 4.0], "id": ["a b", " a b", "a b ", "\ta b"]})
+    frame.write_csv(path) if suffix == ".csv" else frame.write_parquet(path)
+    assert read_table(path, KINDS).labels["id"] == ("a b",)
 
 
 def test_each_kind_gets_its_type(tmp_path: Path) -> None:

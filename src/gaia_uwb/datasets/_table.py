@@ -44,7 +44,7 @@ class Table:
         Column -> values: float64 for numbers (NaN for nothing), int64 for integers, bool for flags.
         A text column holds int64 indices into its ``labels``.
     labels
-        Text column -> its distinct texts, sorted.
+        Text column -> its distinct texts, without spaces around them, sorted.
     unknown
         Names of the columns that were not asked for.
     """
@@ -153,12 +153,10 @@ def _read_csv(path: Path, kinds: Mapping[str, Kind]) -> Any:
     _check_length(path)
     values = {}
     for name, dtype in _polars_types(kinds).items():
-        cell = pl.col(name)
-        stripped = cell.str.strip_chars()
-        kept = cell if kinds[name] is Kind.TEXT else stripped
+        stripped = pl.col(name).str.strip_chars()
         # Cast here, chunk by chunk, and not by polars' CSV reader: that one panics on a cell that
         # is a single quote, with a stack trace on stderr.
-        values[name] = pl.when(stripped != "").then(kept).cast(dtype)
+        values[name] = pl.when(stripped != "").then(stripped).cast(dtype)
     scan = pl.scan_csv(path, infer_schema=False).select(**values)
     try:
         with _read_errors(path):
@@ -200,7 +198,12 @@ def _read_parquet(path: Path, kinds: Mapping[str, Kind]) -> Any:
         if not _fits(schema[name], kind):
             problem = f"expected a type that holds {kind}, got {schema[name]}"
             raise InputError(problem, source=path, column=name)
-    casts = [pl.col(name).cast(dtype) for name, dtype in _polars_types(kinds).items()]
+    casts = [
+        pl.col(name).cast(dtype).str.strip_chars()
+        if kinds[name] is Kind.TEXT
+        else pl.col(name).cast(dtype)
+        for name, dtype in _polars_types(kinds).items()
+    ]
     scan = pl.scan_parquet(path)
     _check_n_rows(path, int(scan.select(pl.len()).collect().item()))
     frame = scan.select(casts).collect(engine="streaming")

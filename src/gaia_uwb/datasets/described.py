@@ -14,6 +14,7 @@ from gaia_uwb.datasets._bag_log import is_ros2_folder
 from gaia_uwb.datasets._lever_arm import LeverArm, move_to_tag
 from gaia_uwb.datasets._logs import LogTable, join, tidy
 from gaia_uwb.datasets._places import Places, first_place, to_places
+from gaia_uwb.datasets._scenes import make_truth, range_log, read_anchors
 from gaia_uwb.datasets.input_description import (
     FILE_NAME,
     CsvRanges,
@@ -26,7 +27,6 @@ from gaia_uwb.datasets.input_description import (
     RosTrajectory,
     read_description,
 )
-from gaia_uwb.datasets.native import _range_log, _read_anchors, _truth
 from gaia_uwb.datasets.ros import RosLog
 from gaia_uwb.errors import InputError
 from gaia_uwb.scene import LocalFrame, Scene, Trajectory
@@ -103,16 +103,16 @@ class _Reader:
         _plausible.check_seconds(ranges)
         _plausible.check_one_drive(ranges, drive, places.position_m)
         table = None if given.anchors is None else self._anchors_file(given.anchors)
-        anchors = _read_anchors(table, frame, ranges.labels["anchor_id"])
+        anchors = read_anchors(table, frame, ranges.labels["anchor_id"])
         order = ranges["t_s"].argsort(kind="stable")
         scene = Scene(
             name=given.name if given.name is not None else self._folder.resolve().name,
             trajectory=Trajectory(t_s=drive["t_s"], position_m=places.position_m, up_m=places.up_m),
-            ranges=_range_log(ranges, order, anchors.ids),
+            ranges=range_log(ranges, order, anchors.ids),
             anchor_ids=anchors.ids,
             anchor_up_m=anchors.up_m,
             frame=frame,
-            truth=_truth(ranges, order, anchors, None),
+            truth=make_truth(ranges, order, anchors, None),
         )
         return scene, tuple(dict.fromkeys(self._notes))
 

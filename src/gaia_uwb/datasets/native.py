@@ -23,24 +23,24 @@ that goes back in time is an error. Columns that are not named above are ignored
 from __future__ import annotations
 
 import os
-import re
 import shutil
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError
 
-from gaia_uwb._typing import Array, Float64, Int64
 from gaia_uwb.config import Settings
 from gaia_uwb.datasets import _plausible
 from gaia_uwb.datasets._cells import Kind
 from gaia_uwb.datasets._places import Places, first_place, place_kinds, to_places
+from gaia_uwb.datasets._scenes import Anchors, make_truth, range_log, read_anchors
 from gaia_uwb.datasets._table import Table, read_names, read_table
 from gaia_uwb.errors import InputError, SourceError
-from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory, Truth
+from gaia_uwb.files import remove_abandoned, temporary_path
+from gaia_uwb.scene import LocalFrame, Scene, Trajectory
 from gaia_uwb.strict_yaml import read_yaml
 
 _SCENE_FILE = "scene.yaml"
@@ -65,16 +65,6 @@ class _SceneContent(Settings):
     name: str | None = None
     frame: _FrameContent | None = None
     clock_offset_s: float | None = None
-
-
-@dataclass(frozen=True)
-class _Anchors:
-    """The anchors of the anchors table, then those that only the ranges know."""
-
-    table: Table | None
-    ids: tuple[str, ...]
-    position_m: Float64[Array, "N 2"]
-    up_m: Float64[Array, "N"] | None
 
 
 def is_native(folder: Path) -> bool:
@@ -128,17 +118,17 @@ def read_with_notes(folder: Path) -> tuple[Scene, tuple[str, ...]]:
     frame = LocalFrame(**dict(content.frame)) if content.frame else first_place(drive)
     places = to_places(drive, frame)
     ranges = _read_ranges(_need(folder, "ranges"), drive, places)
-    anchors = _read_anchors(_find(folder, "anchors"), frame, ranges.labels["anchor_id"])
+    anchors = read_anchors(_find(folder, "anchors"), frame, ranges.labels["anchor_id"])
     # Logs merge several radios, so that their rows need not be in the order of time.
     order = np.argsort(ranges["t_s"], kind="stable")
     scene = Scene(
         name=folder.resolve().name if content.name is None else content.name,
         trajectory=Trajectory(t_s=drive["t_s"], position_m=places.position_m, up_m=places.up_m),
-        ranges=_range_log(ranges, order, anchors.ids),
+        ranges=range_log(ranges, order, anchors.ids),
         anchor_ids=anchors.ids,
         anchor_up_m=anchors.up_m,
         frame=frame,
-        truth=_truth(ranges, order, anchors, content.clock_offset_s),
+        truth=make_truth(ranges, order, anchors, content.clock_offset_s),
     )
     return scene, tuple(_notes(scene, drive, ranges, anchors))
 
@@ -179,9 +169,10 @@ def write_native(
     0.2,cone-1,12.5
     """
     folder = Path(folder)
-    new = folder / f".{os.getpid()}.partial"
+    new = temporary_path(folder, "scene")
     try:
         new.mkdir(parents=True)
+        remove_abandoned(folder)
         (new / _SCENE_FILE).write_text(_scene_file(scene), encoding="utf-8")
         for table, columns in _tables(scene).items():
             _write_table(columns, new / f"{table}.{file_format}")
@@ -252,69 +243,7 @@ def _read_ranges(path: Path, drive: Table, places: Places) -> Table:
     return table
 
 
-def _read_anchors(path: Path | None, frame: LocalFrame | None, ranged: tuple[str, ...]) -> _Anchors:
-    """Read the anchors table, if there is one, and append the anchors that only have ranges."""
-    if path is None:
-        ids = tuple(sorted(ranged, key=_natural_key))
-        return _Anchors(None, ids, np.full((len(ids), 2), np.nan), None)
-    survey, heights = place_kinds(path, Kind.OPTIONAL)
-    optional = {"up_m": Kind.OPTIONAL, **heights}
-    table = read_table(path, {"anchor_id": Kind.TEXT, **survey}, optional)
-    codes, labels = table["anchor_id"], table.labels["anchor_id"]
-    listed = tuple(labels[code] for code in codes)
-    if len(labels) < len(listed):
-        index = next(k for k, label in enumerate(listed) if label in listed[:k])
-        raise table.error(f"{listed[index]!r} is here twice", index=index, column="anchor_id")
-    places = to_places(table, frame)
-    ids = listed + tuple(sorted(set(ranged) - set(listed), key=_natural_key))
-    more = (0, len(ids) - len(listed))
-    up_m = None if places.up_m is None else np.pad(places.up_m, more, constant_values=np.nan)
-    return _Anchors(
-        table, ids, np.pad(places.position_m, (more, (0, 0)), constant_values=np.nan), up_m
-    )
-
-
-def _natural_key(anchor_id: str) -> tuple[Any, ...]:
-    """Return a key that sorts ``cone-9`` before ``cone-10``."""
-    words = re.split("([0-9]+)", anchor_id)
-    numbers = [word.lstrip("0") for word in words[1::2]]
-    words[1::2] = [f"{len(number):06d}{number}" for number in numbers]
-    return (*words, anchor_id)
-
-
-def _range_log(ranges: Table, order: Int64[Array, "R"], ids: tuple[str, ...]) -> RangeLog:
-    index_of = {anchor_id: index for index, anchor_id in enumerate(ids)}
-    indices = np.array([index_of[label] for label in ranges.labels["anchor_id"]])
-    return RangeLog(
-        t_s=ranges["t_s"][order],
-        anchor=indices[ranges["anchor_id"]][order],
-        range_m=ranges["range_m"][order],
-        rssi_dbm=_column(ranges, "rssi_dbm", order),
-        rssi_fp_dbm=_column(ranges, "rssi_fp_dbm", order),
-    )
-
-
-def _truth(
-    ranges: Table, order: Int64[Array, "R"], anchors: _Anchors, clock_offset_s: float | None
-) -> Truth | None:
-    if not np.isfinite(anchors.position_m).all():
-        return None
-    return Truth(
-        anchor_m=anchors.position_m,
-        nlos=_column(ranges, "nlos", order),
-        range_m=_column(ranges, "true_range_m", order),
-        clock_offset_s=clock_offset_s,
-        outlier=_column(ranges, "outlier", order),
-        bias_m=_column(ranges, "true_bias_m", order),
-    )
-
-
-def _column(table: Table, name: str, order: Int64[Array, "R"]) -> Array | None:
-    values = table.get(name)
-    return None if values is None else values[order]
-
-
-def _notes(scene: Scene, drive: Table, ranges: Table, anchors: _Anchors) -> Iterator[str]:
+def _notes(scene: Scene, drive: Table, ranges: Table, anchors: Anchors) -> Iterator[str]:
     """Yield what a user should know about files that were read without an error."""
     for table in (drive, ranges, anchors.table):
         if table is not None and table.unknown:

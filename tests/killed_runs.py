@@ -1,0 +1,104 @@
+"""Kill a command while it writes, and look at what it leaves."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+
+def gaia(arguments: Sequence[object]) -> subprocess.Popen[bytes]:
+    """Start the command line."""
+    command = [sys.executable, "-m", "gaia_uwb", *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    """Return what lies under final names."""
+    files = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    return {path.name: path.read_bytes() for path in files}
+
+
+def hidden_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir() if path.name.startswith("."))
+
+
+class KilledRuns:
+    """One command over the results of an earlier one, killed again and again.
+
+    Parameters
+    ----------
+    arguments_for
+        From an output folder to the command's arguments.
+    old
+        A folder with what an earlier run wrote.
+    folder
+        For outputs.
+    """
+
+    def __init__(
+        self, arguments_for: Callable[[Path], list[object]], old: Path, folder: Path
+    ) -> None:
+        self._arguments_for = arguments_for
+        self._old, self._out = old, folder / "out"
+        whole = folder / "whole"
+        start = time.perf_counter()
+        self.check_a_whole_run(whole)
+        self.whole_s = time.perf_counter() - start
+        self.old, self.new = files_of(old), files_of(whole)
+        assert self.old.keys() <= self.new.keys()
+        assert self.old != self.new
+        self.n_done = self.n_before_writing = self.n_litter = 0
+
+    def check_a_whole_run(self, out: Path) -> None:
+        """Run the command to its end."""
+        assert gaia(self._arguments_for(out)).wait() in (0, 1)
+
+    def kill_once(self, rng: np.random.Generator) -> None:
+        """Kill a run at a random moment of its whole time, or of its writing; check what is left.
+
+        Raises
+        ------
+        AssertionError
+            If there is a file that is neither the old one nor the new one, byte for byte.
+        """
+        shutil.rmtree(self._out, ignore_errors=True)
+        shutil.copytree(self._old, self._out)
+        process = gaia(self._arguments_for(self._out))
+        if rng.random() < 0.3:
+            time.sleep(rng.uniform(0, self.whole_s))
+        else:
+            self._wait_for_writing(process, rng)
+        process.send_signal(signal.SIGKILL)
+        self.n_done += process.wait() != -signal.SIGKILL
+        self.n_litter += bool(hidden_in(self._out))
+        left = files_of(self._out)
+        self.n_before_writing += left == self.old
+        for name, content in left.items():
+            assert content in (self.old.get(name), self.new[name]), name
+        # Where there is a last file, all belong to one run.
+        if "report.json" in left:
+            assert left in (self.old, self.new)
+
+    def _wait_for_writing(self, process: subprocess.Popen[bytes], rng: np.random.Generator) -> None:
+        """Wait until a random number of files is new, and a moment longer."""
+        before, wanted = self._inodes(), int(rng.integers(1, len(self.new)))
+        while process.poll() is None and len(self._inodes() ^ before) < wanted:
+            time.sleep(1e-4)
+        time.sleep(rng.uniform(0, 0.003))
+
+    def _inodes(self) -> set[int]:
+        return {entry.inode() for entry in os.scandir(self._out)}
+
+    def check_the_next_run(self) -> None:
+        """Run once more over what a killed run left: all is new, and nothing else is there."""
+        self.check_a_whole_run(self._out)
+        assert files_of(self._out) == self.new
+        assert hidden_in(self._out) == []
