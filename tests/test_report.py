@@ -237,3 +237,11 @@ def test_svg_is_written_where_it_is_asked_for_and_none_is_left_of_before(tmp_pat
     assert (tmp_path / "plot.svg").read_text(encoding="utf-8").startswith("<?xml")
     write_all(make_reconstruction(), tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == FILES
+
+
+def test_files_for_a_gis_are_written_where_they_are_asked_for(tmp_path: Path) -> None:
+    paths = write_all(make_reconstruction(), tmp_path, gis=True)
+    assert {path.name for path in paths} - set(FILES) == {"boundary.gpkg", "boundary.kml"}
+    # Without a place on Earth there is nothing to show on a globe, and none is left of before.
+    write_all(make_reconstruction(frame=None), tmp_path, gis=True)
+    assert {path.name for path in tmp_path.iterdir()} - set(FILES) == {"boundary.gpkg"}

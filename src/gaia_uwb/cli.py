@@ -106,6 +106,9 @@ def reconstruct(
     spacing: SpacingOption = None,
     known_anchor: KnownAnchorOption = None,
     svg: Annotated[bool, typer.Option("--svg", help="Write plot.svg beside plot.png.")] = False,
+    gis: Annotated[
+        bool, typer.Option("--gis", help="Write boundary.gpkg and boundary.kml, too.")
+    ] = False,
 ) -> None:
     """Locate the cones and draw the boundary from the log of a drive."""
     from gaia_uwb.errors import InputError
@@ -130,7 +133,7 @@ def reconstruct(
             except InputError as error:
                 failures.append(error)
                 continue
-            paths = write_all(result, folder, metrics, svg=svg)
+            paths = write_all(result, folder, metrics, svg=svg, gis=gis)
             reliable &= result.status is ReconstructionStatus.OK
             print_summary(progress, result, metrics, paths)
     _stop_at(failures, n_logs)

@@ -6,6 +6,8 @@ file                 what it holds
 ``anchors.csv``      one row per anchor: place, uncertainty, status
 ``ranges.parquet``   one row per step and anchor with a range: before and after denoising
 ``boundary.geojson`` boundary, cones and ellipses for a GIS (``geojson.py``)
+``boundary.gpkg``    the same as layers of a GeoPackage; only where it is asked for
+``boundary.kml``     the same for a globe; only where it is asked for and the place is known
 ``plot.png``         the site from above and the ranges over time (``plots.py``)
 ``plot.svg``         the same to scale and to edit; only where it is asked for
 ``map.html``         an interactive map that needs no network (``map_page.py``)
@@ -37,6 +39,8 @@ from gaia_uwb.episode import RangeCalibration
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.files import OutputFolder
 from gaia_uwb.geojson import Json, boundary_geojson, lon_lat
+from gaia_uwb.geopackage import geopackage
+from gaia_uwb.kml import kml
 from gaia_uwb.map_page import map_page
 from gaia_uwb.metrics import Metric
 from gaia_uwb.people_report import people_report
@@ -111,6 +115,7 @@ def write_all(
     metrics: Mapping[str, Metric] | None = None,
     *,
     svg: bool = False,
+    gis: bool = False,
 ) -> list[Path]:
     """Write all result files (see the module's table) and return their paths.
 
@@ -126,6 +131,8 @@ def write_all(
         Scores against a known truth, by name.
     svg
         Write ``plot.svg`` too, which takes as long as ``plot.png`` does.
+    gis
+        Write ``boundary.gpkg`` and, where the place on Earth is known, ``boundary.kml`` too.
 
     Raises
     ------
@@ -139,15 +146,21 @@ def write_all(
     plots = {"plot.png": figure_png(figure)}
     if svg:
         plots["plot.svg"] = figure_svg(figure).encode()
-    features = json.dumps(boundary_geojson(reconstruction), ensure_ascii=False, allow_nan=False)
+    collection = boundary_geojson(reconstruction)
+    features = json.dumps(collection, ensure_ascii=False, allow_nan=False)
+    optional = {"boundary.gpkg": geopackage(collection)} if gis else {}
+    if gis and reconstruction.episode.frame is not None:
+        optional["boundary.kml"] = kml(collection).encode()
     settings = f"# gaia-uwb {report['version']}\n{dump_config(reconstruction.config)}"
     words = people_report(reconstruction)
     output.remove("report.json")
-    output.remove("plot.svg")  # of an earlier run that was asked for it
+    for name in ("plot.svg", "boundary.gpkg", "boundary.kml"):
+        output.remove(name)  # of an earlier run that was asked for it
     return [
         output.write("anchors.csv", lambda path: _write_anchors(reconstruction, path)),
         output.write("ranges.parquet", lambda path: _write_ranges(reconstruction, path)),
         output.write_text("boundary.geojson", features),
+        *(output.write_bytes(name, content) for name, content in optional.items()),
         *(output.write_bytes(name, content) for name, content in plots.items()),
         output.write_text("map.html", page),
         output.write_text("config.yaml", settings),
