@@ -85,6 +85,17 @@ def test_the_descriptions_on_the_page_of_inputs_are_valid() -> None:
         InputDescription.model_validate(base | description)
 
 
+def test_the_page_on_unreliable_results_quotes_the_program() -> None:
+    page = (ROOT / "docs" / "howto" / "unreliable.md").read_text(encoding="utf-8")
+    table = page[page.index("| it says |") :].partition("\n\n")[0].splitlines()[2:]
+    said = [line.split(" | ")[0].removeprefix("| ") for line in table]
+    source = "".join(
+        path.read_text(encoding="utf-8") for path in (ROOT / "src" / "gaia_uwb").glob("*.py")
+    )
+    assert len(said) > 8
+    assert [text for text in said if text not in source] == []
+
+
 def test_a_page_runs_as_one(tmp_path: Path) -> None:
     page = "\n".join(
         [
