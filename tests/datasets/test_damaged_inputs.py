@@ -17,6 +17,7 @@ import lz4.frame
 import numpy as np
 import polars as pl
 import pytest
+from backports import zstd
 from damage import damage_log
 from good_logs import READERS, write_serial, write_tables
 
@@ -105,6 +106,18 @@ def test_a_bomb_is_not_unpacked(tmp_path: Path, declared: int) -> None:
     assert line is not None
     assert "damaged at byte" in line
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 2**18
+
+
+def test_many_small_bombs_are_not_unpacked_one_after_the_other(tmp_path: Path) -> None:
+    # Each chunk is well formed: one schema of 100 MB of blanks, ten thousand times smaller in the
+    # file.
+    blanks = struct.pack("<H", 2) + text("a/msg/C") + text("ros2msg") + text(" " * 100 * 2**20)
+    record = mcap_record(3, blanks)
+    path = tmp_path / "bombs.mcap"
+    path.write_bytes(mcap(*[chunk(zstd.compress(record), len(record), "zstd")] * 50))
+    line = read_or_refuse(path)
+    assert line is not None
+    assert "unpacks to more than 200 times the file's size" in line
 
 
 @pytest.mark.parametrize("compression", ["bz2", "lz4", "zstd", "rar"])

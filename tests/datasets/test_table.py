@@ -45,6 +45,16 @@ def test_reads_what_spreadsheets_write(tmp_path: Path, content: bytes) -> None:
     assert ids(table) == ["a", "12"]
 
 
+def test_a_small_file_of_millions_of_equal_rows_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.parquet"
+    n = 3_000_000
+    frame = pl.select(t=pl.repeat(1.0, n), id=pl.repeat("a", n))
+    frame.write_parquet(path, compression="zstd")
+    assert path.stat().st_size < 100_000
+    with pytest.raises(InputError, match="declares 3,000,000 rows, more than a file of its size"):
+        read_table(path, {"t": Kind.NUMBER, "id": Kind.TEXT})
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_spaces_around_a_text_do_not_make_it_another(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"table{suffix}"

@@ -24,6 +24,10 @@ MAX_CHUNK_BYTES = 128 * 2**20
 MAX_MESSAGE_BYTES = 16 * 2**20
 """Larger messages are images or clouds, never positions or ranges."""
 
+MAX_RATIO = 200
+"""A file that unpacks to more than this times its size, beyond a free amount, is a bomb."""
+
+_FREE_BYTES = 192 * 2**20
 _MAX_CONNECTIONS = 10_000
 
 
@@ -71,12 +75,15 @@ class Bag:
         Key -> declared number of messages, for listings only.
     cut_off_at
         Byte at which the file ends within a record, if it does.
+    unpacked
+        Bytes that this walk has unpacked.
     """
 
     path: Path
     channels: dict[int, Channel] = field(default_factory=dict)
     counts: dict[int, int] = field(default_factory=dict)
     cut_off_at: int | None = None
+    unpacked: int = 0
 
     def scan(self) -> None:
         """Find the channels: in the index, or within the chunks where there is no index.
@@ -100,6 +107,18 @@ class Bag:
             If the file is damaged: the message names the byte.
         """
         raise NotImplementedError
+
+    def spend(self, n_bytes: int) -> None:
+        """Count what is going to be unpacked in this walk: a small file must not cost hours.
+
+        Raises
+        ------
+        ValueError
+            If it is too much for the file's size.
+        """
+        self.unpacked += n_bytes
+        if self.unpacked > _FREE_BYTES + MAX_RATIO * self.path.stat().st_size:
+            raise ValueError(f"unpacks to more than {MAX_RATIO} times the file's size")
 
     def add(self, channel: Channel) -> None:
         """Remember a channel; its names come into messages, so they are made printable."""

@@ -43,7 +43,7 @@ class McapBag(Bag):
 
     def walk(self, wanted: set[int], *, inside: bool = True) -> Iterator[Message]:
         """Yield the wanted messages, see :meth:`Bag.walk`."""
-        size = self.path.stat().st_size
+        size, self.unpacked = self.path.stat().st_size, 0
         with self.path.open("rb") as file:
             if file.read(len(_MCAP_MAGIC)) != _MCAP_MAGIC:
                 raise InputError("is no MCAP file", source=self.path)
@@ -81,6 +81,7 @@ class McapBag(Bag):
         (n,) = _U64.unpack_from(data, place)
         if n != len(data) - place - 8:
             raise ValueError("a chunk's size is not that of its record")
+        self.spend(unpacked_size)
         chunk = unpack(compression, data[place + 8 :], unpacked_size)
         if crc and zlib.crc32(chunk) != crc:
             raise ValueError("a chunk's checksum is wrong")

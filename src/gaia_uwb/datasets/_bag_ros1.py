@@ -28,7 +28,7 @@ class Ros1Bag(Bag):
 
     def walk(self, wanted: set[int], *, inside: bool = True) -> Iterator[Message]:
         """Yield the wanted messages, see :meth:`Bag.walk`."""
-        size = self.path.stat().st_size
+        size, self.unpacked = self.path.stat().st_size, 0
         with self.path.open("rb") as file:
             if file.read(len(_ROS1_MAGIC)) != _ROS1_MAGIC:
                 raise InputError("is no ROS 1 bag of version 2.0", source=self.path)
@@ -57,6 +57,7 @@ class Ros1Bag(Bag):
             if max(unpacked_size, n_data) > MAX_CHUNK_BYTES:
                 raise ValueError(f"a chunk of {max(unpacked_size, n_data):,} bytes")
             compression = header[b"compression"].decode("ascii", "replace")
+            self.spend(unpacked_size)
             chunk = unpack(compression, take(file, n_data, size - start), unpacked_size)
             yield from self._messages(chunk, wanted)
         elif kind == b"\x07" and n_data <= MAX_MESSAGE_BYTES:

@@ -18,6 +18,7 @@ class SqliteBag(Bag):
 
     def walk(self, wanted: set[int], *, inside: bool = True) -> Iterator[Message]:
         """Yield the wanted messages, see :meth:`Bag.walk`; ``inside`` has no meaning here."""
+        self.unpacked = 0
         try:
             with closing(self._connect()) as connection:
                 if not self.channels:

@@ -30,6 +30,7 @@ MAX_ROWS = 16_000_000
 
 _CHUNK_BYTES = 16 * 2**20
 _STDERR = 2
+_FEW_ROWS = 1_000_000  # of more, times and ranges that differ take a byte a row at the very least
 
 
 @dataclass(frozen=True)
@@ -205,7 +206,12 @@ def _read_parquet(path: Path, kinds: Mapping[str, Kind]) -> Any:
         for name, dtype in _polars_types(kinds).items()
     ]
     scan = pl.scan_parquet(path)
-    _check_n_rows(path, int(scan.select(pl.len()).collect().item()))
+    n_rows = int(scan.select(pl.len()).collect().item())
+    _check_n_rows(path, n_rows)
+    if n_rows > _FEW_ROWS + path.stat().st_size:
+        raise InputError(
+            f"declares {n_rows:,} rows, more than a file of its size holds", source=path
+        )
     frame = scan.select(casts).collect(engine="streaming")
     if refused := _first_refused(frame, kinds):
         name, index = refused

@@ -215,7 +215,10 @@ class RosLog:
                 number += 1
                 try:
                     channel, time_ns, data = message
-                    content = readers[channel.key](unpack_message(data) if self._packed else data)
+                    if self._packed:
+                        data = unpack_message(data)
+                        mine[0].bag.spend(len(data))
+                    content = readers[channel.key](data)
                     seconds = stamps[channel.key]
                     t_s = time_ns * 1e-9 if seconds is None else seconds(content)
                     add(number, content, t_s)
