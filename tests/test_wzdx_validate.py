@@ -219,6 +219,15 @@ def test_cwz_requires_more(kind: str, path: str, value: object, said: str) -> No
     assert any(said in line for line in errors(put(written(kind, **CWZ), path, value)))
 
 
+def test_whole_numbers_of_degrees_are_numbers() -> None:
+    feed = written("event")
+    west, south, east, north = feed["bbox"]
+    feed["bbox"] = [int(west) - 1, int(south) - 1, int(east) + 1, int(north) + 1]
+    assert errors(feed) == []
+    feed["features"][0]["geometry"]["coordinates"][0] = [10, 50]
+    assert any("[10, 50] is outside the feed's bbox" in line for line in errors(feed))
+
+
 def test_references_between_files(tmp_path: Path) -> None:
     event, device = tmp_path / "event.json", tmp_path / "device.json"
     event.write_text(json.dumps(written("event")))

@@ -10,6 +10,7 @@ from typing import Any, TypeGuard
 from gaia_uwb.wzdx.problems import Problem, json_path
 
 Step = str | int
+_Number = int | float  # JSON does not tell them apart
 
 _SOUTHERNMOST_ROAD_DEG = -60.0  # beyond it a latitude is a longitude in the wrong place
 _BBOX_SLACK_DEG = 1e-6
@@ -112,12 +113,12 @@ def _is_box(bbox: Any) -> TypeGuard[list[float]]:
     return _are_numbers(bbox) and len(bbox) in (4, 6)
 
 
-def _edges(bbox: list[float]) -> tuple[float, float, float, float]:
+def _edges(bbox: Sequence[_Number]) -> tuple[_Number, _Number, _Number, _Number]:
     half = len(bbox) // 2  # with heights there are three numbers to a corner
     return bbox[0], bbox[1], bbox[half], bbox[half + 1]
 
 
-def _is_inside(lon: float, lat: float, bbox: list[float]) -> bool:
+def _is_inside(lon: _Number, lat: _Number, bbox: Sequence[_Number]) -> bool:
     west, south, east, north = _edges(bbox)
     between = west - _BBOX_SLACK_DEG <= lon <= east + _BBOX_SLACK_DEG
     if west > east:  # a box across the 180th meridian
