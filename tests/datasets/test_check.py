@@ -79,6 +79,15 @@ def test_counts_gaps_and_readings_outside_the_drive() -> None:
     assert "300 of 1735 readings lie outside the trajectory's time" in report.notes
 
 
+def test_a_slow_radio_has_no_gap_at_every_step() -> None:
+    log = make_scene().ranges
+    slow = (np.arange(len(log)) // 3) % 6 == 0  # every 0.6 s
+    keep = slow & ~((log.anchor == 0) & (log.t_s > 10.0) & (log.t_s < 15.0))
+    ranges = RangeLog(log.t_s[keep], log.anchor[keep], log.range_m[keep])
+    a, b, _ = check_scene(make_scene(ranges=ranges, truth=None)).anchors
+    assert (a.n_gaps, b.n_gaps) == (1, 0)
+
+
 def test_a_parked_vehicle() -> None:
     t_s = np.arange(0.0, 60.0, 0.125)
     parked = Trajectory(t_s, np.random.default_rng(0).normal(0, 0.02, (len(t_s), 2)))

@@ -21,7 +21,8 @@ from gaia_uwb.errors import GaiaError
 from gaia_uwb.scene import Scene, Trajectory
 
 GAP_S = 0.3
-"""Two readings of an anchor further apart than this have a gap between them."""
+"""Two readings of an anchor further apart than this, and than 2.5 usual steps, have a gap between
+them."""
 
 SPIKE_M = 1.0
 """A reading further than this from the median of the seven around it is a spike."""
@@ -278,6 +279,7 @@ def _check_anchor(scene: Scene, index: int) -> AnchorCheck:
     mine = log.anchor == index
     t_s, range_m = log.t_s[mine], log.range_m[mine]
     step_s = np.diff(t_s)
+    usual_s = float(np.median(step_s)) if step_s.size else np.nan
     outside = (t_s < drive.t_s[0]) | (t_s > drive.t_s[-1])
     negative = range_m < 0
     spike = _spikes(range_m)
@@ -286,8 +288,8 @@ def _check_anchor(scene: Scene, index: int) -> AnchorCheck:
     return AnchorCheck(
         anchor_id=scene.anchor_ids[index],
         n_readings=len(t_s),
-        rate_hz=float(1 / np.median(step_s)) if step_s.size else np.nan,
-        n_gaps=int((step_s > GAP_S).sum()),
+        rate_hz=1 / usual_s if usual_s > 0 else np.nan,
+        n_gaps=int((step_s > np.fmax(GAP_S, 2.5 * usual_s)).sum()),
         longest_gap_s=float(step_s.max(initial=0.0)),
         outside_share=_share(outside),
         negative_share=_share(negative),

@@ -39,6 +39,7 @@ STRETCH_S = 0.5 * _SETTINGS.alignment.error_correlation_s
 
 _MOST_READINGS = 40_000
 _SIGMA_M = 0.1  # a unit only: the solver estimates the scale
+_MUCH = 99  # of a DOP: more is not told apart
 _ONE_PLACE_M = 0.3
 _WIDE_M = 1.0
 _FEW_STRETCHES = 3  # in fewer, an error that lasts bends the place to the path unseen
@@ -109,8 +110,9 @@ class Observability:
             lines.append("  anchor         nearest   view     DOP   side of the path")
         for a in self.anchors:
             side = "told" if a.side_told else "open"
+            dop = f"{a.dop:.1f}" if a.dop < _MUCH else f">{_MUCH}"
             lines.append(
-                f"  {a.anchor_id:<12}{a.nearest_m:>8.1f} m{a.view_deg:>6.0f}°{a.dop:>8.1f}   {side}"
+                f"  {a.anchor_id:<12}{a.nearest_m:>8.1f} m{a.view_deg:>6.0f}°{dop:>8}   {side}"
             )
         if self.anchors:
             lines.append(
@@ -140,7 +142,7 @@ class Observability:
         open_ = [a for a in self.anchors if not a.side_told]
         if open_:
             yield f"{_names(open_)}: {_OPEN}"
-        if self.three_share < 0.5:
+        if self.three_share < 0.5 and len(self.anchors) >= 3:
             share = f"{self.three_share:.0%}"
             yield f"three anchors at once were heard in {share} of the drive's seconds only"
 
