@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import operator
 import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -48,3 +53,38 @@ def test_a_failure_is_raised(workers: int) -> None:
 def test_a_process_that_is_gone_is_told_in_one_line() -> None:
     with pytest.raises(ConfigError, match="bad: its process was ended from outside"):
         run_jobs([Job("bad", os._exit, (1,))], 1)
+
+
+_KILLED = """
+import os, sys, time
+from pathlib import Path
+from gaia_uwb.reproduce.jobs import Job, run_jobs
+
+def sleep(note):
+    Path(note).write_text(str(os.getpid()))
+    time.sleep(600)
+
+if __name__ == "__main__":
+    run_jobs([Job("sleep", sleep, (sys.argv[1],))], 1)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="left out: no /proc to look at")
+def test_processes_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
+    script, note = tmp_path / "killed.py", tmp_path / "pid"
+    script.write_text(_KILLED)
+    parent = subprocess.Popen([sys.executable, str(script), str(note)])
+    _wait_for(note.exists)
+    _wait_for(lambda: bool(note.read_text()))
+    child = Path("/proc") / note.read_text()
+    assert child.exists()
+    parent.kill()
+    parent.wait()
+    _wait_for(lambda: not child.exists() or "State:\tZ" in (child / "status").read_text())
+
+
+def _wait_for(condition: Callable[[], bool], limit_s: float = 120.0) -> None:
+    end_s = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < end_s, "it did not happen"
+        time.sleep(0.2)
