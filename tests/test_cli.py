@@ -89,6 +89,50 @@ def test_straight_path_is_unreliable_and_says_why(run, tmp_path: Path) -> None: 
     assert "mirror" in out
 
 
+def test_a_second_lane_settles_the_sides_from_the_shell(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    zone, one = tmp_path / "zone", tmp_path / "one"
+    arguments = ("simulate", "--preset", "straight", "--seed", 3, "--lanes=0,3.6")
+    code, out, _ = run(*arguments, "--out", zone)
+    assert (code, f"wrote 2 passes to {zone}\n") == (0, out)
+    assert run("reconstruct", zone / "pass-0", "--out", one)[0] == 1
+    code, out, err = run(
+        "reconstruct", zone / "pass-1", zone / "pass-0", "--out", tmp_path / "both"
+    )
+    assert (code, err) == (0, "")
+    report = json.loads((tmp_path / "both" / "report.json").read_text(encoding="utf-8"))
+    assert (report["status"], report["scene"]) == ("ok", "sim-3-0-pass-0 and 1 more")
+    assert max(anchor["mirror_probability"] for anchor in report["anchors"]) < 1e-3
+    assert report["clock_offset"] is None
+    assert [each["name"] for each in report["passes"]] == ["sim-3-0-pass-0", "sim-3-0-pass-1"]
+    for each in report["passes"]:
+        assert each["clock_offset"]["applied"]
+        assert f"pass {each['name']}: {each['n_ranges']} ranges" in out
+    assert report["metrics"]["wrong_side_share"]["value"] == 0.0
+    for name in FILES:
+        assert (tmp_path / "both" / name).stat().st_size > 100
+
+
+def test_a_folder_of_logs_is_fused_when_asked(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    zone = tmp_path / "zone"
+    run("simulate", "--preset", "straight", "--seed", 3, "--lanes=0,3.6", "--out", zone)
+    names = ["sim-3-0-pass-0", "sim-3-0-pass-1"]
+    run("reconstruct", zone, "--denoiser", "raw", "--out", tmp_path / "each")
+    assert sorted(path.name for path in (tmp_path / "each").iterdir()) == names
+    code, _, _ = run(
+        "reconstruct", zone, "--one-zone", "--denoiser", "raw", "--out", tmp_path / "fused"
+    )
+    assert code == 0
+    report = json.loads((tmp_path / "fused" / "report.json").read_text(encoding="utf-8"))
+    assert len(report["passes"]) == 2
+    passes = (zone / "pass-0", zone / "pass-1")
+    run("reconstruct", *passes, "--each-alone", "--denoiser", "raw", "--out", tmp_path / "alone")
+    for name in names:
+        assert (tmp_path / "alone" / name / "report.json").exists()
+    code, _, err = run("reconstruct", zone, zone / "pass-0", "--out", tmp_path / "twice")
+    assert code == 2
+    assert "the same drive as sim-3-0-pass-0" in err
+
+
 def test_simulate_and_read_back(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     code, out, _ = run("simulate", "--episodes", 2, "--seed", 5, "--out", tmp_path / "passes")
     assert code == 0

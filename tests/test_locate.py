@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from gaia_uwb import batch
 from gaia_uwb.config import SolverConfig
 from gaia_uwb.episode import ClockOffset, DenoisedRanges, Episode, RangeCalibration
-from gaia_uwb.locate import Hypotheses, locate
+from gaia_uwb.locate import Hypotheses, RangeErrors, locate
 
 SIGMA_M = 0.1
 PURE = SolverConfig(anchor_bias_sigma_m=0.0, position_floor_m=0.0)
@@ -55,7 +55,11 @@ def coverage(found, anchors):
 
 def assert_same(a, b):
     for name in Hypotheses.__dataclass_fields__:
-        assert np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True), name
+        if name != "errors":
+            assert np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True), name
+    for name in RangeErrors.__dataclass_fields__:
+        one, other = getattr(a.errors, name), getattr(b.errors, name)
+        assert np.array_equal(one, other, equal_nan=True), name
 
 
 def test_ellipses_cover_with_white_noise():

@@ -3,11 +3,19 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from drives_past import with_moved_anchor
 from gaia_uwb.config import PipelineConfig, SolverConfig, make_config
 from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
-from gaia_uwb.pipeline import ReconstructionStatus, prepare, reconstruct, reconstruct_episodes
+from gaia_uwb.pipeline import (
+    ReconstructionStatus,
+    prepare,
+    reconstruct,
+    reconstruct_episodes,
+    reconstruct_passes,
+)
 from gaia_uwb.scene import RangeLog, Scene, Trajectory, Truth
+from gaia_uwb.simulate import PRESETS, simulate_zone
 
 RAW = PipelineConfig(denoiser="raw")
 CONES = np.array([[10.0, 6.0], [18.0, 5.0], [26.0, 6.5], [20.0, 11.0], [12.0, 10.0]])
@@ -160,3 +168,94 @@ def test_a_bent_drive_is_sure_of_its_zone_and_a_straight_one_is_not_sure_of_the_
 
 def test_fewer_than_three_anchors_have_no_boundary_to_be_unsure_of():
     assert reconstruct(make_scene(CONES[:2])).boundary_uncertainty is None
+
+
+def two_lanes(seed=0, **changes):
+    return simulate_zone(PRESETS["straight"].model_copy(update=changes), seed)
+
+
+def test_a_second_lane_settles_the_sides():
+    near, far = two_lanes(seed=3)
+    alone, together = reconstruct(near), reconstruct([near, far])
+    assert alone.status is ReconstructionStatus.UNRELIABLE
+    assert any(fix.status is AnchorStatus.AMBIGUOUS for fix in alone.anchors)
+    assert together.status is ReconstructionStatus.OK
+    assert max(fix.mirror_probability for fix in together.anchors) < 1e-3
+    places = np.stack([fix.position_m for fix in together.anchors])
+    assert np.linalg.norm(places - near.truth.anchor_m, axis=1).max() < 0.4
+    names = [episode.name for episode, _ in together.passes]
+    assert names == [near.name, far.name]
+    assert together.name == f"{near.name} and 1 more"
+    assert together.passes[0][0].clock != together.passes[1][0].clock
+
+
+def test_the_order_of_passes_changes_nothing():
+    near, far = two_lanes(seed=1)
+    assert_same(reconstruct([near, far], RAW), reconstruct([far, near], RAW))
+
+
+def test_a_single_pass_in_a_list_is_that_pass():
+    near, _ = two_lanes()
+    assert_same(reconstruct([near], RAW), reconstruct(near, RAW))
+
+
+@pytest.mark.parametrize("denoiser", ["raw", "pose-kalman"])
+def test_windows_of_one_run_fused_give_the_run(denoiser):
+    config = PipelineConfig(denoiser=denoiser)
+    run = prepare(make_scene().without_truth(), config)
+    windows = [run.window(k, min(k + 64, run.n_steps)) for k in range(0, run.n_steps, 16)]
+    fused = reconstruct_passes(windows, config)
+    assert_same(fused, reconstruct_episodes([run], config)[0])
+
+
+def test_a_pass_counts_once():
+    run = prepare(make_scene().without_truth(), RAW)
+    assert_same(reconstruct_passes([run, run], RAW), reconstruct_episodes([run], RAW)[0])
+
+
+def test_an_anchor_moved_between_passes_makes_the_result_unreliable():
+    near, far = two_lanes(seed=3)
+    result = reconstruct([near, with_moved_anchor(far, 2, (1.0, -0.5))], RAW)
+    assert [fix.anchor_id for fix in result.anchors if fix.status is AnchorStatus.MOVED] == [
+        "cone-3"
+    ]
+    assert result.status is ReconstructionStatus.UNRELIABLE
+    text = " ".join(result.reasons)
+    assert "anchor cone-3: sim-3-0-pass-" in text
+    assert "anchor cone-3: the passes place it apart" in text
+
+
+def test_a_pass_with_other_anchors_joins_the_zone():
+    near, far = two_lanes(seed=3)
+    few = far.ranges.anchor < 3
+    log = far.ranges
+    part = replace(
+        far, anchor_ids=(*far.anchor_ids[:2], "new"), anchor_up_m=far.anchor_up_m[:3], truth=None,
+        ranges=RangeLog(log.t_s[few], log.anchor[few], log.range_m[few]),
+    )  # fmt: skip
+    result = reconstruct([near, part], RAW)
+    assert [fix.anchor_id for fix in result.anchors] == [*near.anchor_ids, "new"]
+    for episode, ranges in result.passes:
+        assert episode.anchor_ids == (*near.anchor_ids, "new")
+        assert ranges.valid.shape == episode.valid.shape
+    new, third = result.anchors[-1], near.truth.anchor_m[2]
+    both = np.stack([new.position_m, new.mirror_position_m])
+    assert np.linalg.norm(both - third, axis=1).min() < 0.6
+
+
+def test_what_is_wrong_with_one_pass_names_it():
+    near, far = two_lanes(seed=3)
+    wrong = replace(far, ranges=replace(far.ranges, range_m=far.ranges.range_m + 2.0))
+    reasons = " ".join(reconstruct([near, wrong], RAW).reasons)
+    assert f"{far.name}: the range bias came out at" in reasons
+    assert f"{near.name}:" not in reasons
+
+
+def test_the_ellipses_of_two_passes_cover():
+    inside = []
+    for seed in range(8):
+        near, far = two_lanes(seed=seed)
+        for fix, true_m in zip(reconstruct([near, far]).anchors, near.truth.anchor_m, strict=True):
+            off = fix.position_m - true_m
+            inside.append(off @ np.linalg.solve(fix.covariance_m2, off) < 2.0 * np.log(10.0))
+    assert 0.8 < np.mean(inside) < 0.99

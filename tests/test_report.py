@@ -182,7 +182,7 @@ def test_range_table_holds_every_range_once(written: Path) -> None:
     episode, denoised = reconstruction.episode, reconstruction.denoised
     table = pl.read_parquet(written / "ranges.parquet")
     assert table.schema == {
-        "t_s": pl.Float64, "anchor_id": pl.String, "range_m": pl.Float64,
+        "pass": pl.String, "t_s": pl.Float64, "anchor_id": pl.String, "range_m": pl.Float64,
         "denoised_range_m": pl.Float64, "sigma_m": pl.Float64, "valid": pl.Boolean,
     }  # fmt: skip
     assert len(table) == episode.valid.sum()
@@ -245,3 +245,28 @@ def test_files_for_a_gis_are_written_where_they_are_asked_for(tmp_path: Path) ->
     # Without a place on Earth there is nothing to show on a globe, and none is left of before.
     write_all(make_reconstruction(frame=None), tmp_path, gis=True)
     assert {path.name for path in tmp_path.iterdir()} - set(FILES) == {"boundary.gpkg"}
+
+
+def test_every_pass_is_in_the_report_and_the_files(tmp_path: Path) -> None:
+    near = make_reconstruction()
+    clock = ClockOffset(offset_s=-0.3, sigma_s=0.02, applied=True, reason="told from 0")
+    other = replace(near.episode, name="another drive", clock=clock)
+    both = replace(near, more_passes=((other, near.denoised),))
+    report = json.loads(json.dumps(make_report(both), allow_nan=False))
+    assert report["scene"] == "a drive and 1 more"
+    for name in ("clock_offset_s", "clock_offset", "range_calibration"):
+        assert report[name] is None
+    assert [each["name"] for each in report["passes"]] == ["a drive", "another drive"]
+    assert [each["clock_offset_s"] for each in report["passes"]] == [0.18, -0.3]
+    n = int(near.denoised.valid.sum())
+    assert [each["n_ranges"] for each in report["passes"]] == [n, n]
+    assert report["passes"][0]["range_calibration"]["bias_at_10_m_m"] == 0.1
+    write_all(both, tmp_path)
+    table = pl.read_parquet(tmp_path / "ranges.parquet")
+    assert table["pass"].value_counts().sort("pass").rows() == [
+        ("a drive", n),
+        ("another drive", n),
+    ]
+    features = json.loads((tmp_path / "boundary.geojson").read_text(encoding="utf-8"))["features"]
+    paths = [f["properties"] for f in features if f["properties"]["role"] == "path"]
+    assert [path["pass"] for path in paths] == ["a drive", "another drive"]

@@ -43,7 +43,7 @@ def test_results_read_back_give_the_same_zone(tmp_path: Path) -> None:
         ("{}", "{}", "not a report of this version"),
         ("[1]", "{}", "not a report of this version"),
         ("nonsense", "{}", "not usable JSON"),
-        (None, "{}", "expected one feature with the role 'path'"),
+        (None, "{}", "expected a feature with the role 'path'"),
         (None, '{"gaia": {"scene": "another"}}', "expected the scene 'a drive'"),
     ],
 )

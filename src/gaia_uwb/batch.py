@@ -69,7 +69,7 @@ def chunks(
     """
     first = episodes[0]
     position_m = np.stack([e.position_m for e in episodes])
-    velocity_mps = np.stack([_velocity(e) for e in episodes])
+    velocity_mps = np.stack([velocity(e) for e in episodes])
     tag_up_m = np.stack(
         [np.zeros(e.n_steps) if e.tag_up_m is None else e.tag_up_m for e in episodes]
     )
@@ -86,7 +86,14 @@ def chunks(
         )
 
 
-def _velocity(episode: Episode) -> Float64[Array, "T 2"]:
+def velocity(episode: Episode) -> Float64[Array, "T 2"]:
+    """Return the tag's velocity at every step, in metres per second.
+
+    Parameters
+    ----------
+    episode
+        Gives the path.
+    """
     if episode.n_steps < 2:
         return np.zeros((episode.n_steps, 2))
     return np.gradient(episode.position_m, episode.t_s, axis=0)

@@ -7,7 +7,6 @@ on stderr. Heavy modules are imported inside the commands, so that ``gaia --help
 from __future__ import annotations
 
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -30,6 +29,7 @@ from gaia_uwb.cli_options import (
     with_prior,
 )
 from gaia_uwb.cli_reproduce import reproduce_app
+from gaia_uwb.cli_simulate import simulate
 from gaia_uwb.cli_wzdx import wzdx_app
 from gaia_uwb.terminal import plain, print_results, print_summary, progress_bar, track
 
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
     from gaia_uwb.config import PipelineConfig
     from gaia_uwb.errors import GaiaError
-    from gaia_uwb.simulate.settings import PassConfig
 
 UNRELIABLE, BAD_INPUT, INTERRUPTED = 1, 2, 130
 SCORED = "raw,median,kalman,pose-kalman"
@@ -54,28 +53,7 @@ app.add_typer(data_app, name="data")
 app.add_typer(reproduce_app, name="reproduce")
 app.add_typer(wzdx_app, name="wzdx")
 app.command("train")(train)
-
-
-class SimulatedAs(StrEnum):
-    """What a simulated pass is written as."""
-
-    LOGS = "logs"
-    EPISODES = "episodes"
-
-
-class LayoutPart(StrEnum):
-    """The parts of a preset's layouts; none is in both of the last two."""
-
-    ALL = "all"
-    TRAINING = "training"
-    TEST = "test"
-
-
-class TableFormat(StrEnum):
-    """File formats of our native tables."""
-
-    CSV = "csv"
-    PARQUET = "parquet"
+app.command("simulate")(simulate)
 
 
 @app.callback(invoke_without_command=True)
@@ -89,8 +67,23 @@ def _root(
 
 @app.command()
 def reconstruct(
-    source: SourceArgument,
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SOURCE...",
+            help="Logs, folders of logs, or NAME[:PART], such as outdoor-uwb:NLOS/B/4 or sim. "
+            "Several sources are drives past one zone.",
+        ),
+    ],
     out: OutOption = Path("out"),
+    one_zone: Annotated[
+        bool | None,
+        typer.Option(
+            "--one-zone/--each-alone",
+            help="Fuse all logs as passes of one zone, or give each a result of its own. Default: "
+            "several sources are fused, the logs in one folder are not.",
+        ),
+    ] = None,
     denoiser: Annotated[
         str | None,
         typer.Option(
@@ -110,7 +103,7 @@ def reconstruct(
         bool, typer.Option("--gis", help="Write boundary.gpkg and boundary.kml, too.")
     ] = False,
 ) -> None:
-    """Locate the cones and draw the boundary from the log of a drive."""
+    """Locate the cones and draw the boundary from the log of a drive, or of several drives."""
     from gaia_uwb.errors import InputError
     from gaia_uwb.evaluate import reconstruct_and_score
     from gaia_uwb.files import OutputFolder
@@ -121,15 +114,22 @@ def reconstruct(
     settings = _settings(config, denoiser, solver)
     settings = with_prior(settings, side, closure, spacing, known_anchor)
     OutputFolder(out)
-    scenes, failures = load_readable(source, data_dir=data_dir)
+    scenes, failures = [], []
+    for source in sources:
+        readable, unreadable = load_readable(source, data_dir=data_dir)
+        scenes += readable
+        failures += unreadable
     n_logs = len(scenes) + len(failures)
     reliable = True
     with progress_bar() as progress:
-        folders = _folders(out, [scene.name for scene in scenes], several=n_logs > 1)
-        runs = list(zip(scenes, folders, strict=True))
-        for scene, folder in track(progress, runs, "reconstruct"):
+        if one_zone if one_zone is not None else len(sources) > 1:
+            runs = [(scenes, out)] if scenes else []
+        else:
+            folders = _folders(out, [scene.name for scene in scenes], several=n_logs > 1)
+            runs = [([scene], folder) for scene, folder in zip(scenes, folders, strict=True)]
+        for passes, folder in track(progress, runs, "reconstruct"):
             try:
-                result, metrics = reconstruct_and_score(scene, settings)
+                result, metrics = reconstruct_and_score(passes, settings)
             except InputError as error:
                 failures.append(error)
                 continue
@@ -139,55 +139,6 @@ def reconstruct(
     _stop_at(failures, n_logs)
     if not reliable:
         raise typer.Exit(UNRELIABLE)
-
-
-@app.command()
-def simulate(
-    out: Annotated[Path, typer.Option("--out", help="Folder for the passes; made if needed.")],
-    preset: Annotated[
-        str, typer.Option(help="Kind of pass: a name, or a YAML file with settings.")
-    ] = "lane-closure",
-    episodes: Annotated[int, typer.Option(min=1, help="Number of passes.")] = 1,
-    seed: Annotated[int, typer.Option(min=0, help="One seed gives the same passes again.")] = 0,
-    split: Annotated[
-        LayoutPart, typer.Option(help="Layouts kept for training or for the test, or all.")
-    ] = LayoutPart.ALL,
-    written_as: Annotated[
-        SimulatedAs,
-        typer.Option("--as", help="A log in GAIA's format per pass, or one table of episodes."),
-    ] = SimulatedAs.LOGS,
-    table_format: Annotated[
-        TableFormat, typer.Option("--format", help="File format of the logs' tables.")
-    ] = TableFormat.PARQUET,
-    workers: Annotated[int, typer.Option(min=1, help="Processes that make episodes.")] = 1,
-    calibrate_from: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SOURCE",
-            help="Fit ranging errors to surveyed logs and write them as a preset, no passes.",
-        ),
-    ] = None,
-    data_dir: DataDirOption = None,
-) -> None:
-    """Simulate passes along a work zone, with the truth of everything."""
-    if calibrate_from is not None:
-        _calibrate(calibrate_from, out, data_dir)
-        return
-    from gaia_uwb.config import dump_config
-    from gaia_uwb.files import OutputFolder
-    from gaia_uwb.simulate import find_preset
-
-    config = find_preset(preset)
-    if split is not LayoutPart.ALL:
-        config = config.model_copy(update={"split": split.value})
-    folder = OutputFolder(out)
-    if written_as is SimulatedAs.EPISODES:
-        _simulate_episodes(config, episodes, seed, out, workers)
-    else:
-        _simulate_logs(config, episodes, seed, out, table_format)
-    header = f"# gaia {version()} simulate --preset {preset} --episodes {episodes} --seed {seed}\n"
-    folder.write_text("simulation.yaml", header + dump_config(config))
-    typer.echo(f"wrote {episodes} pass{'es' if episodes > 1 else ''} to {out}")
 
 
 @app.command()
@@ -294,46 +245,6 @@ def _folders(out: Path, names: Sequence[str], *, several: bool = False) -> list[
     if "" in safe or len(set(safe)) < len(safe):
         safe = [f"{k}-{name}" for k, name in enumerate(safe)]
     return [out / name for name in safe]
-
-
-def _simulate_logs(
-    config: PassConfig, n: int, seed: int, out: Path, table_format: TableFormat
-) -> None:
-    """Write passes as logs, each in a folder of its own if there are several."""
-    from gaia_uwb.datasets.native import write_native
-    from gaia_uwb.simulate import simulate as passes
-
-    width = len(str(n - 1))
-    with progress_bar() as progress:
-        task = progress.add_task("simulate", total=n)
-        for k, scene in enumerate(passes(config, n, seed)):
-            place = out if n == 1 else out / f"pass-{k:0{width}d}"
-            write_native(scene, place, file_format=table_format.value)
-            progress.advance(task)
-
-
-def _simulate_episodes(config: PassConfig, n: int, seed: int, out: Path, workers: int) -> None:
-    """Write passes as episodes: one table in parts."""
-    from gaia_uwb.datasets.episodes import write_episodes
-    from gaia_uwb.simulate import simulate_episodes
-
-    with progress_bar() as progress:
-        task = progress.add_task("simulate", total=n)
-        for done in write_episodes(simulate_episodes(config, n, seed, workers=workers), out):
-            progress.update(task, completed=done)
-
-
-def _calibrate(source: str, out: Path, data_dir: Path | None) -> None:
-    """Write the errors of surveyed logs as a preset file."""
-    from gaia_uwb.files import OutputFolder
-    from gaia_uwb.sim_calibration import fit_ranging, preset_text
-    from gaia_uwb.sources import load_scenes
-
-    folder = OutputFolder(out)
-    scenes = load_scenes(source, data_dir=data_dir)
-    text = preset_text(fit_ranging(scenes), scenes, version())
-    path = folder.write_text("calibrated.yaml", text)
-    typer.echo(f"wrote {path}; use it with: gaia simulate --preset {path}")
 
 
 def _settings(

@@ -24,6 +24,7 @@ class AnchorStatus(StrEnum):
     AMBIGUOUS = "ambiguous"
     ILL_CONDITIONED = "ill-conditioned"
     NOT_CONVERGED = "not-converged"
+    MOVED = "moved"
     TOO_FEW_RANGES = "too-few-ranges"
 
     @property
@@ -44,6 +45,7 @@ _MESSAGES = {
     AnchorStatus.AMBIGUOUS: "side unknown: the mirror image across the path fits nearly as well",
     AnchorStatus.ILL_CONDITIONED: "the ranges fix the position only poorly along some direction",
     AnchorStatus.NOT_CONVERGED: "the solver stopped before it converged",
+    AnchorStatus.MOVED: "the passes place it apart, as if it had been moved between them",
     AnchorStatus.TOO_FEW_RANGES: "too few usable ranges to locate it",
 }
 

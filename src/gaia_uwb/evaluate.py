@@ -16,19 +16,26 @@ from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.metrics import Metric, aggregate, score_episode
-from gaia_uwb.pipeline import Reconstruction, prepare, reconstruct_episodes
+from gaia_uwb.pipeline import (
+    Reconstruction,
+    prepare,
+    reconstruct_episodes,
+    reconstruct_passes,
+)
 from gaia_uwb.scene import Scene
+from gaia_uwb.zone_passes import end_to_end, in_one_frame, with_anchors
 
 
 def reconstruct_and_score(
-    scene: Scene, config: PipelineConfig = PipelineConfig()
+    scene: Scene | Sequence[Scene], config: PipelineConfig = PipelineConfig()
 ) -> tuple[Reconstruction, dict[str, Metric] | None]:
     """Reconstruct one log without its truth, then score it against the truth where there is one.
 
     Parameters
     ----------
     scene
-        The log.
+        The log, or the logs of several passes of one zone; these are scored if each of them has
+        the truth of all anchors.
     config
         All settings.
 
@@ -37,11 +44,14 @@ def reconstruct_and_score(
     (Reconstruction, dict or None)
         The result, and its metrics by name.
     """
-    episode = prepare(scene, config)
-    result = reconstruct_episodes([episode], config)[0]
-    if episode.truth is None:
+    scenes = [scene] if isinstance(scene, Scene) else in_one_frame(scene)
+    prepared = [prepare(each, config) for each in scenes]
+    result = reconstruct_passes(prepared, config)
+    known = [with_anchors(episode, result.episode.anchor_ids) for episode in prepared]
+    if any(episode.truth is None for episode in known):
         return result, None
-    return result, score_episode(episode, result.denoised, result.anchors)
+    episode, denoised = end_to_end(known, [ranges for _, ranges in result.passes])
+    return result, score_episode(episode, denoised, result.anchors)
 
 
 @dataclass(frozen=True)

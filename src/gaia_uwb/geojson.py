@@ -5,7 +5,7 @@ Features, in drawing order; the property ``role`` tells them apart:
 ============  ==========  ===========================================================
 role          geometry    what it is
 ============  ==========  ===========================================================
-``path``      LineString  the path of the tag's antenna, thinned
+``path``      LineString  the path of the tag's antenna, thinned; one per pass
 ``outer``     (M)Polygon  with 90 % probability nothing of the work zone is outside
 ``boundary``  Polygon     convex hull of the located cones
 ``inner``     (M)Polygon  with 90 % probability all of it is work zone; none if nothing is sure
@@ -33,6 +33,7 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.boundary_uncertainty import BoundaryUncertainty
+from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus
 from gaia_uwb.pipeline import Reconstruction
 from gaia_uwb.projection import to_geodetic
@@ -159,11 +160,11 @@ def boundary_geojson(reconstruction: Reconstruction, *, local: bool = False) -> 
         "type": "FeatureCollection",
         "gaia": {
             "coordinates": LOCAL if frame is None else WGS84,
-            "scene": reconstruction.episode.name,
+            "scene": reconstruction.name,
             "status": reconstruction.status.value,
         },
         "features": [
-            writer.path(reconstruction.episode.position_m),
+            *(writer.path(episode) for episode, _ in reconstruction.passes),
             *writer.uncertainty(reconstruction.boundary_uncertainty, "outer"),
             *writer.boundary(reconstruction.boundary, reconstruction.episode.anchor_ids),
             *writer.uncertainty(reconstruction.boundary_uncertainty, "inner"),
@@ -178,8 +179,9 @@ class _Writer:
 
     frame: LocalFrame | None
 
-    def path(self, position_m: Float64[Array, "T 2"]) -> Json:
-        return _feature("path", "LineString", self._coordinates(_thin(position_m)), {})
+    def path(self, episode: Episode) -> Json:
+        line = self._coordinates(_thin(episode.position_m))
+        return _feature("path", "LineString", line, {"pass": episode.name})
 
     def boundary(self, boundary: Boundary, anchor_ids: Sequence[str]) -> Iterator[Json]:
         if boundary.status is not BoundaryStatus.OK:

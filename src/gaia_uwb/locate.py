@@ -31,6 +31,22 @@ _NLOS_WEIGHT = 0.2  # the paper's omega for ranges without line of sight
 
 
 @dataclass(frozen=True)
+class RangeErrors:
+    """What each anchor's better hypothesis leaves of its ranges.
+
+    Parameters
+    ----------
+    scale : (N,)
+        Their standard deviation as a multiple of ``sigma_m``; NaN where nothing was located.
+    steps_worth_one : (N,)
+        How many ranges are worth one independent range of that standard deviation, at least 1.
+    """
+
+    scale: Float64[Array, "N"]
+    steps_worth_one: Float64[Array, "N"]
+
+
+@dataclass(frozen=True)
 class Hypotheses:
     """Both places of each anchor of one episode, the better-fitting first.
 
@@ -59,6 +75,8 @@ class Hypotheses:
         is peculiar to this anchor (``honest_errors.py``).
     centre_m : (N, 2), optional
         The middle of the stretch of path from which each anchor was ranged.
+    errors
+        What the ranges of one pass leave; ``None`` where several passes were fused.
     """
 
     position_m: Float64[Array, "N 2 2"]
@@ -70,6 +88,7 @@ class Hypotheses:
     shared_m: Float64[Array, "N 2 2 3"] | None = None
     inflation: Float64[Array, "N"] | None = None
     centre_m: Float64[Array, "N 2"] | None = None
+    errors: RangeErrors | None = None
 
     def factor(self) -> Float64[Array, "N 1 1"]:
         """Return ``inflation``, or 1 where it is unknown, to multiply covariances with."""
@@ -166,16 +185,12 @@ def _locate_batch(
     for chunk in chunks(episodes, [r.range_m for r in ranges], sigma):
         solutions = chunk.solve(options, bias_sigma_m)
         worth = _steps_worth_one(episodes, chunk, solutions)
-        covariance_m2, shared_m = zip(
-            *(
-                _covariance(
-                    episodes, chunk, solutions, side, bias_sigma_m, worth[..., side], config
-                )
-                for side in (0, 1)
-            ),
-            strict=True,
-        )
-        parts.append(_Part(solutions, np.stack(covariance_m2, axis=2), np.stack(shared_m, axis=2)))
+        sides = [
+            _covariance(episodes, chunk, solutions, side, bias_sigma_m, worth[..., side], config)
+            for side in (0, 1)
+        ]
+        stacked = (np.stack(part, axis=2) for part in zip(*sides, strict=True))
+        parts.append(_Part(solutions, *stacked))
     return [_hypotheses(parts, b, float(correlation[b])) for b in range(len(episodes))]
 
 
@@ -192,6 +207,7 @@ class _Part:
     solutions: Solutions
     covariance_m2: Float64[Array, "B n 2 2 2"]
     shared_m: Float64[Array, "B n 2 2 3"]
+    steps_worth_one: Float64[Array, "B n 2"]
 
 
 def _steps_worth_one(
@@ -228,10 +244,10 @@ def _covariance(
     bias_sigma_m: Float64[Array, "B"],
     worth: Float64[Array, "B n"],
     config: SolverConfig,
-) -> tuple[Float64[Array, "B n 2 2"], Float64[Array, "B n 2 3"]]:
-    """Return the honest covariance of one hypothesis, and its part that all anchors share.
+) -> tuple[Float64[Array, "B n 2 2"], Float64[Array, "B n 2 3"], Float64[Array, "B n"]]:
+    """Return one hypothesis's honest covariance, its shared part and how many ranges count as one.
 
-    See the module's text; the second is how the place moves with what is shared.
+    See the module's text; the second is how the place moves with what all anchors share.
     """
     precision = np.zeros_like(bias_sigma_m)
     np.divide(1.0, bias_sigma_m**2, out=precision, where=bias_sigma_m > 0)
@@ -260,7 +276,8 @@ def _covariance(
         shared @ square_root(unsure)[:, None],
         clock[..., None] * sigma_s[:, None, None, None],
     ]
-    return np.asarray(0.5 * (total + np.swapaxes(total, -1, -2))), np.concatenate(factors, axis=-1)
+    total = 0.5 * (total + np.swapaxes(total, -1, -2))
+    return total, np.concatenate(factors, axis=-1), np.fmax(inflation * short, 1.0)
 
 
 def _hypotheses(parts: list[_Part], b: int, correlation: float) -> Hypotheses:
@@ -275,6 +292,8 @@ def _hypotheses(parts: list[_Part], b: int, correlation: float) -> Hypotheses:
     shared = np.concatenate([p.shared_m[b] for p in parts])
     bias = np.concatenate([p.solutions.bias_m[b] for p in parts])
     alike = np.concatenate([p.solutions.correlation[b] for p in parts])[rows[:, 0], first]
+    worth = np.concatenate([p.steps_worth_one[b] for p in parts])[rows[:, 0], first]
+    scale = np.concatenate([p.solutions.scale[b] for p in parts])[rows[:, 0], first]
     return Hypotheses(
         position_m=position[rows, order],
         covariance_m2=covariance[rows, order],
@@ -283,4 +302,5 @@ def _hypotheses(parts: list[_Part], b: int, correlation: float) -> Hypotheses:
         n_ranges=np.concatenate([p.solutions.n_ranges[b] for p in parts]),
         converged=np.concatenate([p.solutions.converged[b].all(axis=1) for p in parts]),
         shared_m=shared[rows, order],
+        errors=RangeErrors(scale, np.fmax(worth, np.fmax(alike, correlation))),
     )

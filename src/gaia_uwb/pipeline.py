@@ -24,15 +24,18 @@ from gaia_uwb.alignment import align
 from gaia_uwb.boundary_uncertainty import BoundaryUncertainty, boundary_uncertainty
 from gaia_uwb.calibration import calibrate
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.denoisers import make_denoiser
+from gaia_uwb.denoisers import Denoiser, make_denoiser
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus
+from gaia_uwb.fusion import fuse, mark_moved
 from gaia_uwb.geometry import make_boundary
+from gaia_uwb.joint_fit import LocatedPass
 from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.locate import Hypotheses, locate
 from gaia_uwb.scene import Scene
 from gaia_uwb.scene_samples import sample_scenes
 from gaia_uwb.sides import Combinations, decide_sides
+from gaia_uwb.zone_passes import in_one_frame, join_windows, with_anchor_ranges, with_anchors
 
 _MISFIT_M = 1.0  # ranges of a working radio on a known path err by less
 _BIAS_SIGMA = 4.0  # a range bias so many prior standard deviations from 0 is none of a radio
@@ -52,7 +55,8 @@ class Reconstruction:
     Parameters
     ----------
     episode
-        The aligned and calibrated ranges, with nothing of the truth in them.
+        The aligned and calibrated ranges, with nothing of the truth in them; of the first pass, if
+        there are several. It has all anchors of the zone.
     denoised
         What the denoiser made of them.
     anchors
@@ -67,6 +71,9 @@ class Reconstruction:
         The settings that made it.
     possible
         Both places of each anchor and the combinations of sides that may be, where known.
+    more_passes
+        The other passes that were fused, each with all anchors of the zone, and what the denoiser
+        made of them.
     """
 
     episode: Episode
@@ -77,6 +84,7 @@ class Reconstruction:
     reasons: tuple[str, ...]
     config: PipelineConfig
     possible: tuple[Hypotheses, Combinations] | None = None
+    more_passes: tuple[tuple[Episode, DenoisedRanges], ...] = ()
 
     @cached_property
     def boundary_uncertainty(self) -> BoundaryUncertainty | None:
@@ -88,6 +96,17 @@ class Reconstruction:
             return None
         scenes = sample_scenes(*self.possible)
         return boundary_uncertainty(scenes.place_m, scenes.combination)
+
+    @property
+    def passes(self) -> tuple[tuple[Episode, DenoisedRanges], ...]:
+        """Every pass that went in, and what the denoiser made of it."""
+        return ((self.episode, self.denoised), *self.more_passes)
+
+    @property
+    def name(self) -> str:
+        """What to call the result: the name of the pass, or of the first and how many more."""
+        more = len(self.more_passes)
+        return f"{self.episode.name} and {more} more" if more else self.episode.name
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the verdict, a top view and the anchors."""
@@ -138,29 +157,95 @@ def prepare(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Episode:
     return episode
 
 
-def reconstruct(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Reconstruction:
-    """Reconstruct a work zone from the log of one drive.
+def reconstruct(
+    scene: Scene | Sequence[Scene], config: PipelineConfig = PipelineConfig()
+) -> Reconstruction:
+    """Reconstruct a work zone from the log of one drive, or from those of several past one zone.
 
     Parameters
     ----------
     scene
-        The log; its truth is not looked at.
+        The log, or the logs of several passes of one zone; their truth is not looked at.
     config
         All settings.
 
     Returns
     -------
     Reconstruction
-        Ranges, anchors and boundary.
+        Ranges, anchors and boundary; of several passes in the order of their names and in the
+        frame of the first.
 
     Raises
     ------
     ConfigError
         If the denoiser's name is unknown.
     InputError
-        If the clocks do not overlap or no range is usable.
+        If the clocks do not overlap or no range is usable, or passes have no frame in common or
+        hold the same drive.
+
+    Examples
+    --------
+    A straight lane leaves the sides open; a second lane settles them:
+
+    >>> from gaia_uwb.simulate import PRESETS, simulate_zone
+    >>> near, far = simulate_zone(PRESETS["straight"], seed=3)
+    >>> max(fix.mirror_probability for fix in reconstruct(near).anchors) > 0.05
+    True
+    >>> max(fix.mirror_probability for fix in reconstruct([near, far]).anchors) < 0.001
+    True
     """
-    return reconstruct_episodes([prepare(scene.without_truth(), config)], config)[0]
+    scenes = [scene] if isinstance(scene, Scene) else in_one_frame(scene)
+    return reconstruct_passes([prepare(each.without_truth(), config) for each in scenes], config)
+
+
+def reconstruct_passes(
+    episodes: Sequence[Episode], config: PipelineConfig = PipelineConfig()
+) -> Reconstruction:
+    """Reconstruct a work zone from prepared passes, or from windows of them, in one frame.
+
+    Parameters
+    ----------
+    episodes
+        At least one; their truth is not looked at. Windows that were cut from one run are joined,
+        so that where they overlap nothing counts twice.
+    config
+        All settings; ``alignment`` and ``calibration`` say what was known before the passes.
+
+    Returns
+    -------
+    Reconstruction
+        The passes in the order of their names.
+
+    Raises
+    ------
+    ConfigError
+        If the denoiser's name is unknown.
+    """
+    passes = sorted((e.without_truth() for e in join_windows(episodes)), key=lambda e: e.name)
+    if len(passes) == 1:
+        return reconstruct_episodes(passes, config)[0]
+    denoiser = make_denoiser(config.denoiser)
+    denoised = denoiser(passes)
+    hypotheses = locate(passes, denoised, config.solver)
+    fused = fuse(list(map(LocatedPass, passes, denoised, hypotheses)), config)
+    ids = fused.anchor_ids
+    first, *more = [
+        (with_anchors(episode, ids), with_anchor_ranges(ranges, episode, ids))
+        for episode, ranges in zip(passes, denoised, strict=True)
+    ]
+    facts = KnownFacts.of(config.prior, first[0])
+    decision = decide_sides(ids, fused.hypotheses, config.sides, config.solver, facts)
+    anchors = mark_moved(decision.anchors, fused)
+    boundary = make_boundary(np.stack([anchor.position_m for anchor in anchors]))
+    reasons = (
+        *_pass_reasons(passes, denoiser, config),
+        *fused.reasons(),
+        *decision.reasons,
+        *_reasons(anchors, boundary),
+    )
+    status = ReconstructionStatus.UNRELIABLE if reasons else ReconstructionStatus.OK
+    possible = (decision.hypotheses, decision.combinations)
+    return Reconstruction(*first, anchors, boundary, status, reasons, config, possible, tuple(more))
 
 
 def reconstruct_episodes(
@@ -207,6 +292,15 @@ def reconstruct_episodes(
             Reconstruction(episode, ranges, anchors, boundary, status, reasons, config, possible)
         )
     return results
+
+
+def _pass_reasons(
+    passes: Sequence[Episode], denoiser: Denoiser, config: PipelineConfig
+) -> Iterator[str]:
+    """Say in words what is wrong with single passes."""
+    for episode in passes:
+        for reason in (*_log_reasons(episode, config), *denoiser.notes(episode)):
+            yield f"{episode.name}: {reason}"
 
 
 def _log_reasons(episode: Episode, config: PipelineConfig) -> Iterator[str]:

@@ -19,6 +19,7 @@ from gaia_uwb._typing import Array, Float64
 from gaia_uwb.boundary_uncertainty import BoundaryUncertainty
 from gaia_uwb.estimate import AnchorStatus, BoundaryStatus
 from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
+from gaia_uwb.zone_passes import end_to_end, starts_s
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,7 +64,8 @@ def plot_reconstruction(
     cones = _Cones.of(reconstruction)
     known_m = np.empty((0, 2)) if truth_m is None else truth_m
     zone_m = np.concatenate([cones.extent_m(), known_m])
-    drive_m = np.concatenate([reconstruction.episode.position_m, zone_m])
+    paths_m = [episode.position_m for episode, _ in reconstruction.passes]
+    drive_m = np.concatenate([*paths_m, zone_m])
     if len(zone_m) and np.ptp(drive_m, axis=0).max() > 3.0 * np.ptp(zone_m, axis=0).max():
         overview = _add_site(figure, (0.07, 0.51, 0.39, 0.39), drive_m)
         axes = _add_site(figure, (0.535, 0.51, 0.445, 0.39), zone_m)
@@ -178,7 +180,7 @@ def _write_title(figure: Figure, reconstruction: Reconstruction) -> None:
     if status is not ReconstructionStatus.OK:
         summary = f"{status.value.upper()}: {'; '.join(reconstruction.reasons)}"
         colour = _WARNING
-    name = _shortened(reconstruction.episode.name, 80)
+    name = _shortened(reconstruction.name, 80)
     figure.text(0.07, 0.965, name, size=13, weight="bold", color=_INK, parse_math=False)
     figure.text(0.07, 0.94, _shortened(summary, 130), size=9.5, color=colour, parse_math=False)
 
@@ -212,9 +214,11 @@ def _mark_close_up(overview: Axes, close_up: Axes) -> None:
 def _draw_site(axes: Axes, reconstruction: Reconstruction, cones: _Cones) -> None:
     from matplotlib.collections import LineCollection, PolyCollection
 
-    path_m, boundary = reconstruction.episode.position_m, reconstruction.boundary
-    axes.plot(*path_m.T, color=_PATH, lw=1.2, label="path of the tag", zorder=1)
-    axes.plot(*path_m[0], "s", color=_PATH, ms=6, label="start", zorder=1)
+    boundary = reconstruction.boundary
+    for k, (episode, _) in enumerate(reconstruction.passes):
+        path, start = ("path of the tag", "start") if k == 0 else (None, None)
+        axes.plot(*episode.position_m.T, color=_PATH, lw=1.2, label=path, zorder=1)
+        axes.plot(*episode.position_m[0], "s", color=_PATH, ms=6, label=start, zorder=1)
     if boundary.status is BoundaryStatus.OK:
         axes.fill(*boundary.hull_m.T, color=_ZONE, alpha=0.4, lw=0, label="boundary", zorder=2)
         closed_m = np.concatenate([boundary.outline_m, boundary.outline_m[:1]])
@@ -255,12 +259,13 @@ def _draw_regions(axes: Axes, found: BoundaryUncertainty) -> None:
 
 
 def _draw_ranges(figure: Figure, reconstruction: Reconstruction) -> None:
-    episode = reconstruction.episode
+    episodes = [each for each, _ in reconstruction.passes]
+    episode, denoised = end_to_end(episodes, [ranges for _, ranges in reconstruction.passes])
     upper = figure.add_axes((0.07, 0.215, 0.79, 0.205))
     lower = figure.add_axes((0.07, 0.055, 0.79, 0.13), sharex=upper)
     every = slice(None, None, -(-episode.range_m.size // _MOST_RANGES))
     t_s = np.append(episode.t_s[every] - episode.t_s[0], np.nan)
-    raw_m, clean_m = episode.range_m[every], reconstruction.denoised.range_m[every]
+    raw_m, clean_m = episode.range_m[every], denoised.range_m[every]
     change_m, bound_m = _bounded(raw_m - clean_m)
     dots: dict[str, Any] = {"ls": "", "marker": ".", "ms": 3.5, "mew": 0, "alpha": 0.5}
     dots["rasterized"] = True  # in an SVG: tens of thousands of them are no drawing to edit
@@ -271,10 +276,16 @@ def _draw_ranges(figure: Figure, reconstruction: Reconstruction) -> None:
         upper.plot(time_s, _joined(clean_m[:, same]), color=colour, lw=1.0)
         lower.plot(time_s, _joined(change_m[:, same]), color=colour, **dots)
     lower.axhline(0.0, color=_INK, lw=0.6)
+    for start_s in starts_s(episodes)[1:]:
+        upper.axvline(start_s, color=_INK, lw=0.6)
+        lower.axvline(start_s, color=_INK, lw=0.6)
     upper.set_ylabel("range (m)", size=9)
+    when = "time since the start (s)"
+    if reconstruction.more_passes:
+        when = "the passes one after another (s)"
     lower.set_ylabel("raw − denoised (m)", size=9)
     lower.set_ylim(-1.1 * bound_m, 1.1 * bound_m)
-    lower.set_xlabel("time since the start (s)", size=9)
+    lower.set_xlabel(when, size=9)
     upper.tick_params(labelbottom=False)
     upper.set_xlim(0.0, max(float(episode.t_s[-1] - episode.t_s[0]), 1e-3))
     _tidy(upper)

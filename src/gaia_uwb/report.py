@@ -4,7 +4,7 @@
 file                 what it holds
 ===================  ========================================================================
 ``anchors.csv``      one row per anchor: place, uncertainty, status
-``ranges.parquet``   one row per step and anchor with a range: before and after denoising
+``ranges.parquet``   one row per pass, step and anchor with a range: before and after denoising
 ``boundary.geojson`` boundary, cones and ellipses for a GIS (``geojson.py``)
 ``boundary.gpkg``    the same as layers of a GeoPackage; only where it is asked for
 ``boundary.kml``     the same for a globe; only where it is asked for and the place is known
@@ -30,12 +30,13 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gaia_uwb.boundary_uncertainty import BoundaryUncertainty
 from gaia_uwb.config import dump_config
-from gaia_uwb.episode import RangeCalibration
+from gaia_uwb.episode import DenoisedRanges, Episode, RangeCalibration
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.files import OutputFolder
 from gaia_uwb.geojson import Json, boundary_geojson, lon_lat
@@ -46,6 +47,9 @@ from gaia_uwb.metrics import Metric
 from gaia_uwb.people_report import people_report
 from gaia_uwb.pipeline import Reconstruction
 from gaia_uwb.plots import figure_png, figure_svg, plot_reconstruction
+
+if TYPE_CHECKING:
+    import polars as pl
 
 SCHEMA = 1
 
@@ -74,18 +78,22 @@ def make_report(
     -------
     dict
         Strict JSON values only: what is unknown is None, never NaN. ``clock_offset_s`` is the shift
-        that the ranges got, ``clock_offset`` says how it was found. Lengths are in metres.
+        that the ranges got, ``clock_offset`` says how it was found; both and ``range_calibration``
+        belong to a pass and are None at the top where several were fused. Lengths are in metres.
     """
     episode, boundary = reconstruction.episode, reconstruction.boundary
+    alone = None if reconstruction.more_passes else episode
     return {
         "schema": SCHEMA,
         "version": version("gaia-uwb"),
-        "scene": episode.name,
+        "scene": reconstruction.name,
         "status": reconstruction.status.value,
         "reasons": list(reconstruction.reasons),
-        "clock_offset_s": None if episode.clock is None else episode.clock.applied_s,
-        "clock_offset": None if episode.clock is None else asdict(episode.clock),
-        "range_calibration": _calibration(episode.calibration),
+        **_errors(alone),
+        "passes": [
+            {"name": e.name, "n_ranges": int(ranges.valid.sum()), **_errors(e)}
+            for e, ranges in reconstruction.passes
+        ],
         "anchors": _anchors(reconstruction),
         "boundary": {
             "status": boundary.status.value,
@@ -190,6 +198,16 @@ def _uncertainty(found: BoundaryUncertainty | None) -> Json | None:
     return {"probability": found.probability, **regions, "map": grid}
 
 
+def _errors(episode: Episode | None) -> Json:
+    """Return what was found of a pass's clock and radios."""
+    clock = None if episode is None else episode.clock
+    return {
+        "clock_offset_s": None if clock is None else clock.applied_s,
+        "clock_offset": None if clock is None else asdict(clock),
+        "range_calibration": None if episode is None else _calibration(episode.calibration),
+    }
+
+
 def _calibration(calibration: RangeCalibration | None) -> Json | None:
     if calibration is None:
         return None
@@ -270,10 +288,17 @@ def _write_anchors(reconstruction: Reconstruction, path: Path) -> None:
 def _write_ranges(reconstruction: Reconstruction, path: Path) -> None:
     import polars as pl
 
-    episode, denoised = reconstruction.episode, reconstruction.denoised
+    table = pl.concat([_ranges(*each) for each in reconstruction.passes])
+    table.with_columns(pl.col(pl.Float64).fill_nan(None)).write_parquet(path)
+
+
+def _ranges(episode: Episode, denoised: DenoisedRanges) -> pl.DataFrame:
+    import polars as pl
+
     step, anchor = np.nonzero(episode.valid | denoised.valid)
-    table = pl.DataFrame(
+    return pl.DataFrame(
         {
+            "pass": pl.repeat(episode.name, len(step), eager=True),
             "t_s": episode.t_s[step],
             "anchor_id": pl.Series(episode.anchor_ids, dtype=pl.String).gather(anchor),
             "range_m": episode.range_m[step, anchor],
@@ -282,4 +307,3 @@ def _write_ranges(reconstruction: Reconstruction, path: Path) -> None:
             "valid": denoised.valid[step, anchor],
         }
     )
-    table.with_columns(pl.col(pl.Float64).fill_nan(None)).write_parquet(path)

@@ -61,12 +61,14 @@ def print_summary(
     """Say what was found, how sure it is, and where the files are."""
     import numpy as np
 
-    clock = result.episode.clock
-    lines = [f"{result.episode.name}: {result.status.value}"]
-    if clock is not None:
-        lines.append(
-            f"  clock offset {clock.applied_s:+.3f} s +- {clock.sigma_s:.3f} s ({clock.reason})"
-        )
+    lines = [f"{result.name}: {result.status.value}"]
+    for episode, ranges in result.passes:
+        if result.more_passes:
+            lines.append(f"  pass {episode.name}: {int(ranges.valid.sum())} ranges")
+        if (clock := episode.clock) is not None:
+            lines.append(
+                f"  clock offset {clock.applied_s:+.3f} s +- {clock.sigma_s:.3f} s ({clock.reason})"
+            )
     for anchor in result.anchors:
         east, north = anchor.position_m
         worst = float(np.sqrt(np.linalg.eigvalsh(anchor.covariance_m2)[1]))

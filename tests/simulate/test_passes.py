@@ -13,8 +13,14 @@ from hypothesis import strategies as st
 
 from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError
-from gaia_uwb.simulate import PRESETS, PassConfig, simulate_episode, simulate_pass
-from gaia_uwb.simulate.settings import DriveConfig, RangingConfig
+from gaia_uwb.simulate import (
+    PRESETS,
+    PassConfig,
+    simulate_episode,
+    simulate_pass,
+    simulate_zone,
+)
+from gaia_uwb.simulate.settings import DriveConfig, RangingConfig, RoadConfig
 
 EXACT: Mapping[str, Any] = {
     "sigma_m": 0.0, "sigma_per_m": 0.0, "los_s": None, "burst_per_s": 0.0, "dropout_share": 0.0,
@@ -169,3 +175,26 @@ def test_stress_is_about_a_fifth_in_sight() -> None:
         assert truth is not None
         nlos.append(truth.nlos.mean())
     assert 0.195 < 1 - np.mean(nlos) < 0.235
+
+
+def test_passes_of_one_zone_share_the_anchors_and_nothing_else():
+    config = PRESETS["wild"]
+    one, other, third = simulate_zone(config, seed=5, lanes_m=(0.0, 0.0, 3.0), zone=4)
+    for scene in (other, third):
+        assert np.array_equal(scene.truth.anchor_m, one.truth.anchor_m)
+        assert np.array_equal(scene.anchor_up_m, one.anchor_up_m)
+        assert scene.anchor_ids == one.anchor_ids
+    assert not np.array_equal(one.ranges.range_m[:50], other.ranges.range_m[:50])
+    assert not np.array_equal(one.trajectory.position_m, other.trajectory.position_m)
+    elsewhere = simulate_zone(config, seed=5, lanes_m=(0.0,), zone=5)[0]
+    assert not np.array_equal(elsewhere.truth.anchor_m[:2], one.truth.anchor_m[:2])
+
+
+def test_a_lane_is_as_far_beside_the_usual_one_as_asked():
+    drive = DriveConfig(lane_change=False, sway_m=0.0, position_sigma_m=0.0)
+    config = PassConfig(road=RoadConfig(curvature_per_m=0.0, direction_rad=0.0), drive=drive)
+    near, far = simulate_zone(config, seed=0, lanes_m=(0.0, 3.5))
+    north_m = [scene.trajectory.position_m[:, 1] for scene in (near, far)]
+    assert np.allclose(north_m[1] - north_m[0], 3.5, atol=1e-5)
+    with pytest.raises(ConfigError, match="within 20 m of the usual one, got 30"):
+        simulate_zone(config, seed=0, lanes_m=(30.0,))

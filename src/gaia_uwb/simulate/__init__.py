@@ -16,7 +16,7 @@ from dataclasses import replace
 from gaia_uwb.errors import ConfigError, SourceError
 from gaia_uwb.scene import Scene
 from gaia_uwb.simulate.batches import simulate, simulate_episodes
-from gaia_uwb.simulate.passes import simulate_episode, simulate_pass
+from gaia_uwb.simulate.passes import simulate_episode, simulate_pass, simulate_zone
 from gaia_uwb.simulate.presets import DEFAULT_PRESET, PRESETS, find_preset
 from gaia_uwb.simulate.settings import PassConfig
 
@@ -29,6 +29,7 @@ __all__ = [
     "simulate_episode",
     "simulate_episodes",
     "simulate_pass",
+    "simulate_zone",
 ]
 
 

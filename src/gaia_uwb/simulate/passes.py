@@ -6,7 +6,11 @@ processor.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
+from pydantic import ValidationError
 
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.episode import Episode
@@ -16,15 +20,67 @@ from gaia_uwb.simulate.blocks import anchor_ids, simulate_blocks
 from gaia_uwb.simulate.presets import PLACE
 from gaia_uwb.simulate.ranging import received_power, simulate_rows
 from gaia_uwb.simulate.rows import PassRows
-from gaia_uwb.simulate.settings import PassConfig
+from gaia_uwb.simulate.settings import DriveConfig, PassConfig
 from gaia_uwb.simulate.setup import Setting, set_up
 from gaia_uwb.simulate.streams import RowStreams, Source, Stream
 from gaia_uwb.simulate.trajectories import record_positions
 
-__all__ = ["Setting", "set_up", "simulate_episode", "simulate_pass"]
+__all__ = ["Setting", "set_up", "simulate_episode", "simulate_pass", "simulate_zone"]
+
+_PASSES = 1 << 32  # numbers of passes kept for every zone
 
 
-def simulate_pass(config: PassConfig, seed: int, *, episode: int = 0) -> Scene:
+def simulate_zone(
+    config: PassConfig, seed: int, *, lanes_m: Sequence[float] = (0.0, 3.6), zone: int = 0
+) -> list[Scene]:
+    """Simulate several passes of one work zone: the same anchors, each drive with its own errors.
+
+    Parameters
+    ----------
+    config
+        Settings of the batch.
+    seed
+        Seed of the batch, at least 0.
+    lanes_m
+        For each pass, how far it keeps beside the lane of ``config.drive``, positive towards the
+        open side, in metres.
+    zone
+        Number of the zone in its batch, at least 0; passes of different zones share nothing.
+
+    Returns
+    -------
+    list of Scene
+        One per lane, named after seed, zone and number, in one frame.
+
+    Raises
+    ------
+    ConfigError
+        Like :func:`simulate_pass`, or if a lane is impossible.
+
+    Examples
+    --------
+    >>> from gaia_uwb.simulate.presets import PRESETS
+    >>> near, far = simulate_zone(PRESETS["straight"], seed=0)
+    >>> bool((near.truth.anchor_m == far.truth.anchor_m).all()), near.name, far.name
+    (True, 'sim-0-0-pass-0', 'sim-0-0-pass-1')
+    """
+    scenes = []
+    width = len(str(max(len(lanes_m) - 1, 0)))
+    for k, lane_m in enumerate(lanes_m):
+        lane = config.drive.lane_offset_m + lane_m
+        try:
+            drive = DriveConfig.model_validate(config.drive.model_dump() | {"lane_offset_m": lane})
+        except ValidationError as error:
+            raise ConfigError(f"expected lanes within 20 m of the usual one, got {lane}") from error
+        own = config.model_copy(update={"drive": drive})
+        scene = simulate_pass(own, seed, episode=zone * _PASSES + k, zone=zone * _PASSES)
+        scenes.append(replace(scene, name=f"sim-{seed}-{zone}-pass-{k:0{width}d}"))
+    return scenes
+
+
+def simulate_pass(
+    config: PassConfig, seed: int, *, episode: int = 0, zone: int | None = None
+) -> Scene:
     """Simulate one pass along a work zone, as a vehicle records it.
 
     Parameters
@@ -35,6 +91,8 @@ def simulate_pass(config: PassConfig, seed: int, *, episode: int = 0) -> Scene:
         Seed of the batch, at least 0.
     episode
         Number of the pass in its batch, at least 0.
+    zone
+        Number of the pass whose road and anchors it drives past; its own by default.
 
     Returns
     -------
@@ -48,7 +106,7 @@ def simulate_pass(config: PassConfig, seed: int, *, episode: int = 0) -> Scene:
         If no anchor gives a single reading; or like :func:`set_up`.
     """
     stream = Source(seed).stream(episode)
-    setting = set_up(config, seed, episode)
+    setting = set_up(config, seed, episode, zone)
     ranging, n = setting.config.ranging, len(setting.anchor_m)
     t_s = _poll_times_s(setting.config, stream("polls"))
     true_range_m, cut = setting.see(setting.drive.position_m(t_s))

@@ -92,6 +92,9 @@ class DriveConfig(Settings):
     """Length of road that a lane change takes."""
     lane_change_gap_m: float = Field(default=20.0, ge=0, le=300)
     """Road between a lane change and the closure."""
+    lane_offset_m: float = Field(default=0.0, ge=-20, le=20)
+    """How far beside that lane it keeps, positive towards the open side: another pass, another
+    lane."""
     sway_m: float = Field(default=0.1, ge=0, le=1)
     """Root mean square of the wander within the lane."""
     stop_s: float = Field(default=0.0, ge=0, le=600)

@@ -144,12 +144,12 @@ def lay_out(config: PassRows, draws: Sequence[ZoneDraw], streams: Sequence[Strea
     )
 
 
-def set_up(config: PassConfig, seed: int, episode: int) -> Setting:
+def set_up(config: PassConfig, seed: int, episode: int, zone: int | None = None) -> Setting:
     """Draw the work zone, its anchors and the drive of a pass.
 
     Parameters
     ----------
-    config, seed, episode
+    config, seed, episode, zone
         Like :func:`~gaia_uwb.simulate.passes.simulate_pass`.
 
     Raises
@@ -160,4 +160,14 @@ def set_up(config: PassConfig, seed: int, episode: int) -> Setting:
     """
     stream = Source(seed).stream(episode)
     draw = draw_zone(config, stream)
+    if zone is not None:
+        draw = _past(draw, draw_zone(config, Source(seed).stream(zone)))
     return lay_out(PassRows.of(config, [draw.settings]), [draw], [stream])
+
+
+def _past(draw: ZoneDraw, zone: ZoneDraw) -> ZoneDraw:
+    """Return the drive and the radio of one draw, past the road and the anchors of another."""
+    of_zone = ("road.", "closure.")
+    own = {key: value for key, value in draw.settings.items() if not key.startswith(of_zone)}
+    given = {key: value for key, value in zone.settings.items() if key.startswith(of_zone)}
+    return ZoneDraw(own | given, draw.phases, zone.scatter)

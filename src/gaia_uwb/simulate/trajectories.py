@@ -56,7 +56,7 @@ class Drive:
         driven_m = self.plan.end_m / 2 + drive.ahead_m + self._driven_m(t_s)
         phase_rad = 2 * np.pi * driven_m[..., None] / _SWAY_WAVELENGTH_M + self.sway_phase_rad
         wave = np.sin(phase_rad).sum(axis=-1) * np.sqrt(2 / len(_SWAY_WAVELENGTH_M))
-        along_m, open_m = driven_m, drive.sway_m * wave
+        along_m, open_m = driven_m, drive.lane_offset_m + drive.sway_m * wave
         if drive.turn_after_m is None:
             open_m = open_m + self.plan.lane_m(along_m)
         else:

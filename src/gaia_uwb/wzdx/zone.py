@@ -82,7 +82,7 @@ def zone_of(reconstruction: Reconstruction) -> Zone:
     """
     episode = reconstruction.episode
     return _make_zone(
-        episode.name,
+        reconstruction.name,
         episode.frame,
         reconstruction.anchors,
         episode.position_m,
@@ -139,19 +139,19 @@ def _read_fix(row: Mapping[str, Any]) -> AnchorFix:
 
 
 def _read_path(file: Path, name: str, frame: LocalFrame) -> Float64[Array, "T 2"]:
-    """Return the vehicle's path in metres, from the GeoJSON beside a report."""
+    """Return the path in metres, the first pass's, from the GeoJSON beside a report."""
     content = read_json(file)
     try:
         if content["gaia"]["scene"] != name:
             raise InputError(f"expected the scene {name!r} of report.json", source=file)
-        (line,) = [
+        line, *_ = [
             feature["geometry"]["coordinates"]
             for feature in content["features"]
             if feature["properties"]["role"] == "path"
         ]
         lon_deg, lat_deg = np.array(line, dtype=np.float64).T
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise InputError("expected one feature with the role 'path'", source=file) from error
+        raise InputError("expected a feature with the role 'path'", source=file) from error
     position_m, _ = to_local(frame, lat_deg, lon_deg)
     if not np.isfinite(position_m).all():
         raise InputError("expected a path in WGS84 longitude and latitude", source=file)

@@ -1,0 +1,160 @@
+"""``gaia simulate``: passes along work zones, with the truth of everything."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gaia_uwb.cli_options import DataDirOption, version
+from gaia_uwb.terminal import progress_bar
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from gaia_uwb.scene import Scene
+    from gaia_uwb.simulate.settings import PassConfig
+
+
+class SimulatedAs(StrEnum):
+    """What a simulated pass is written as."""
+
+    LOGS = "logs"
+    EPISODES = "episodes"
+
+
+class LayoutPart(StrEnum):
+    """The parts of a preset's layouts; none is in both of the last two."""
+
+    ALL = "all"
+    TRAINING = "training"
+    TEST = "test"
+
+
+class TableFormat(StrEnum):
+    """File formats of our native tables."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+
+
+def simulate(
+    out: Annotated[Path, typer.Option("--out", help="Folder for the passes; made if needed.")],
+    preset: Annotated[
+        str, typer.Option(help="Kind of pass: a name, or a YAML file with settings.")
+    ] = "lane-closure",
+    episodes: Annotated[int, typer.Option(min=1, help="Number of passes.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="One seed gives the same passes again.")] = 0,
+    split: Annotated[
+        LayoutPart, typer.Option(help="Layouts kept for training or for the test, or all.")
+    ] = LayoutPart.ALL,
+    written_as: Annotated[
+        SimulatedAs,
+        typer.Option("--as", help="A log in GAIA's format per pass, or one table of episodes."),
+    ] = SimulatedAs.LOGS,
+    table_format: Annotated[
+        TableFormat, typer.Option("--format", help="File format of the logs' tables.")
+    ] = TableFormat.PARQUET,
+    lanes: Annotated[
+        str | None,
+        typer.Option(
+            metavar="M,M,...",
+            help="Passes of one zone instead, a log each: how far beside the usual lane each "
+            "keeps, towards the open side, in metres.",
+        ),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Processes that make episodes.")] = 1,
+    calibrate_from: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SOURCE",
+            help="Fit ranging errors to surveyed logs and write them as a preset, no passes.",
+        ),
+    ] = None,
+    data_dir: DataDirOption = None,
+) -> None:
+    """Simulate passes along a work zone, with the truth of everything."""
+    if calibrate_from is not None:
+        _calibrate(calibrate_from, out, data_dir)
+        return
+    from gaia_uwb.config import dump_config
+    from gaia_uwb.files import OutputFolder
+    from gaia_uwb.simulate import find_preset
+
+    config = find_preset(preset)
+    if split is not LayoutPart.ALL:
+        config = config.model_copy(update={"split": split.value})
+    folder = OutputFolder(out)
+    if lanes is not None:
+        episodes = _simulate_zone(config, lanes, seed, out, table_format)
+    elif written_as is SimulatedAs.EPISODES:
+        _simulate_episodes(config, episodes, seed, out, workers)
+    else:
+        _simulate_logs(config, episodes, seed, out, table_format)
+    how = f"--episodes {episodes}" if lanes is None else f"--lanes={lanes}"
+    header = f"# gaia {version()} simulate --preset {preset} {how} --seed {seed}\n"
+    folder.write_text("simulation.yaml", header + dump_config(config))
+    typer.echo(f"wrote {episodes} pass{'es' if episodes > 1 else ''} to {out}")
+
+
+def _simulate_logs(
+    config: PassConfig, n: int, seed: int, out: Path, table_format: TableFormat
+) -> None:
+    """Write passes as logs, each in a folder of its own if there are several."""
+    from gaia_uwb.simulate import simulate as passes
+
+    _write_logs(passes(config, n, seed), n, out, table_format)
+
+
+def _simulate_zone(
+    config: PassConfig, lanes: str, seed: int, out: Path, table_format: TableFormat
+) -> int:
+    """Write passes of one zone as logs and return how many."""
+    from gaia_uwb.errors import ConfigError
+    from gaia_uwb.simulate import simulate_zone
+
+    try:
+        lanes_m = [float(lane) for lane in lanes.split(",")]
+    except ValueError as error:
+        raise ConfigError(f"--lanes: expected metres with commas between, got {lanes!r}") from error
+    scenes = simulate_zone(config, seed, lanes_m=lanes_m)
+    _write_logs(scenes, len(scenes), out, table_format)
+    return len(scenes)
+
+
+def _write_logs(scenes: Iterable[Scene], n: int, out: Path, table_format: TableFormat) -> None:
+    from gaia_uwb.datasets.native import write_native
+
+    width = len(str(n - 1))
+    with progress_bar() as progress:
+        task = progress.add_task("simulate", total=n)
+        for k, scene in enumerate(scenes):
+            place = out if n == 1 else out / f"pass-{k:0{width}d}"
+            write_native(scene, place, file_format=table_format.value)
+            progress.advance(task)
+
+
+def _simulate_episodes(config: PassConfig, n: int, seed: int, out: Path, workers: int) -> None:
+    """Write passes as episodes: one table in parts."""
+    from gaia_uwb.datasets.episodes import write_episodes
+    from gaia_uwb.simulate import simulate_episodes
+
+    with progress_bar() as progress:
+        task = progress.add_task("simulate", total=n)
+        for done in write_episodes(simulate_episodes(config, n, seed, workers=workers), out):
+            progress.update(task, completed=done)
+
+
+def _calibrate(source: str, out: Path, data_dir: Path | None) -> None:
+    """Write the errors of surveyed logs as a preset file."""
+    from gaia_uwb.files import OutputFolder
+    from gaia_uwb.sim_calibration import fit_ranging, preset_text
+    from gaia_uwb.sources import load_scenes
+
+    folder = OutputFolder(out)
+    scenes = load_scenes(source, data_dir=data_dir)
+    text = preset_text(fit_ranging(scenes), scenes, version())
+    path = folder.write_text("calibrated.yaml", text)
+    typer.echo(f"wrote {path}; use it with: gaia simulate --preset {path}")
