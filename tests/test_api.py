@@ -12,7 +12,7 @@ import pytest
 import gaia_uwb
 from gaia_uwb import PipelineConfig, SourceError, api, pipeline
 from gaia_uwb.datasets.native import write_native
-from gaia_uwb.simulate import PRESETS, simulate_pass
+from gaia_uwb.simulate import PRESETS, simulate_pass, simulate_zone
 
 
 def test_a_scene_a_folder_and_a_name_give_the_same(tmp_path: Path) -> None:
@@ -59,3 +59,12 @@ def test_reading_a_log_loads_no_plots_and_no_networks() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+def test_a_list_of_logs_is_one_zone(tmp_path: Path) -> None:
+    near, far = simulate_zone(PRESETS["straight"], seed=3)
+    write_native(far, tmp_path, file_format="parquet")
+    config = PipelineConfig(denoiser="raw")
+    result = api.reconstruct([near, tmp_path], config)
+    assert [episode.name for episode, _ in result.passes] == [near.name, far.name]
+    assert api.reconstruct([near], config).name == near.name
