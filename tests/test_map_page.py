@@ -127,3 +127,14 @@ def test_policy_allows_nothing_but_the_pages_own_script_and_style() -> None:
         "default-src 'none'; base-uri 'none'; form-action 'none'; "
         f"style-src 'sha256-{hashes['style']}'; script-src 'sha256-{hashes['script']}'"
     )
+
+
+def test_passes_stand_one_after_another_on_the_timeline() -> None:
+    near = make_reconstruction()
+    both = replace(near, more_passes=((replace(near.episode, name="again"), near.denoised),))
+    timeline = json.loads(Page(make_page(both)).texts["data"])["timeline"]
+    n = near.episode.n_steps
+    assert timeline["starts"] == [n]
+    assert len(timeline["t_s"]) == len(timeline["residual_cm"][0]) == 2 * n
+    assert timeline["residual_cm"][0][:n] == timeline["residual_cm"][0][n:]
+    assert np.all(np.diff(timeline["t_s"]) > 0)

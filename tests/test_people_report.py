@@ -214,3 +214,27 @@ def test_hostile_ids_stay_text() -> None:
     rows = table(parts["The cones"])
     assert {len(row) for row in rows} == {10}
     assert len(rows) == 2 + 4 + 1
+
+
+def test_several_passes_are_told_one_by_one() -> None:
+    near = make_reconstruction()
+    clock = ClockOffset(offset_s=-0.3, sigma_s=0.02, applied=True, reason="told from 0")
+    other = replace(near.episode, name="second *drive*", clock=clock)
+    text = people_report(replace(near, more_passes=((other, near.denoised),)))
+    assert text.startswith("# Work zone: a drive and 1 more\n")
+    assert "2 drives past the zone were put together: a drive took 19.9 s" in text
+    assert "In a drive: The time stamps of the ranges were 0.180 s late" in text
+    assert r"In second \*drive\*: The time stamps of the ranges were 0.300 s early" in text
+
+
+def test_a_limit_of_one_pass_names_it_and_a_common_one_is_said_once() -> None:
+    near = make_reconstruction()
+    biased = replace(near.episode.calibration, bias=np.array([0.7, 0.0]))
+    other = replace(near.episode, name="second", calibration=biased)
+    alone = people_report(near)
+    text = people_report(replace(near, more_passes=((other, near.denoised),)))
+    assert "In second: All ranges read 0.70 m too long" in text
+    for line in alone.partition("## What limited it")[2].partition("## The cones")[0].splitlines():
+        assert text.count(line) >= 1
+        if line.startswith("- "):
+            assert text.count(line) == 1

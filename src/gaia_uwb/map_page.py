@@ -21,6 +21,7 @@ from gaia_uwb._typing import Array, Float64
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.pipeline import Reconstruction
 from gaia_uwb.residuals import range_residual_m
+from gaia_uwb.zone_passes import end_to_end
 
 _ASSETS = Path(__file__).parent / "assets"
 _SCRIPTS = ("map_data", "map_drawing", "map_view", "map_time", "map_measure", "map_panel")
@@ -87,19 +88,24 @@ def _hash(text: str) -> str:
 def _timeline(reconstruction: Reconstruction) -> dict[str, object]:
     """Return path and ranges over time, each range as whole centimetres and per anchor.
 
-    Places are relative to the first one of the path, like everything that a browser draws.
+    Places are relative to the first one of the path, like everything that a browser draws. Several
+    passes stand one after another; ``starts`` are the steps at which the next one starts.
     """
-    episode, denoised = reconstruction.episode, reconstruction.denoised
+    episodes = [each for each, _ in reconstruction.passes]
+    episode, denoised = end_to_end(episodes, [ranges for _, ranges in reconstruction.passes])
+    residual_m = np.concatenate([range_residual_m(e, reconstruction.anchors) for e in episodes])
+    starts = np.cumsum([each.n_steps for each in episodes])[:-1]
     most = max(min(_MOST_STEPS, _MOST_RANGES // episode.n_anchors), 2)
     every = slice(None, None, -(-episode.n_steps // most))
     local_m = (episode.position_m - episode.position_m[0])[every]
     return {
+        "starts": (-(-starts // every.step)).tolist(),
         "t_s": (episode.t_s - episode.t_s[0])[every].round(2).tolist(),
         "east_m": local_m[:, 0].round(2).tolist(),
         "north_m": local_m[:, 1].round(2).tolist(),
         "range_cm": _centimetres(episode.range_m[every]),
         "denoised_cm": _centimetres(denoised.range_m[every]),
-        "residual_cm": _centimetres(range_residual_m(episode, reconstruction.anchors)[every]),
+        "residual_cm": _centimetres(residual_m[every]),
     }
 
 

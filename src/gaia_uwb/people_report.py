@@ -7,12 +7,14 @@ from the reconstruction; ids and names are shown as text, whatever marks they ho
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from gaia_uwb._text import in_markdown
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.advice import Advice
+from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, BoundaryStatus
 from gaia_uwb.limits import SIGMAS_90, Limit, find_limits, metres, percent
 from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
@@ -25,6 +27,7 @@ _STATES = {
     AnchorStatus.AMBIGUOUS: "side not certain",
     AnchorStatus.ILL_CONDITIONED: "poorly fixed",
     AnchorStatus.NOT_CONVERGED: "not settled",
+    AnchorStatus.MOVED: "perhaps moved",
     AnchorStatus.TOO_FEW_RANGES: "not located",
 }
 _SMALL_S, _SMALL_M = 0.0005, 0.005  # what is less is not worth a sentence
@@ -46,10 +49,9 @@ def people_report(reconstruction: Reconstruction) -> str:
     >>> print(report.splitlines()[2])
     **Reliable.** 8 of 8 cones were located. The work zone covers 1118 m².
     """
-    episode, anchors = reconstruction.episode, reconstruction.anchors
-    limits = find_limits(episode, anchors, reconstruction.config, name=in_markdown)
+    limits = _all_limits(reconstruction)
     blocks = [
-        f"# Work zone: {in_markdown(episode.name)}",
+        f"# Work zone: {in_markdown(reconstruction.name)}",
         *_summary(reconstruction),
         "## What was found",
         _bullets(_found(reconstruction)),
@@ -93,8 +95,33 @@ def _summary(reconstruction: Reconstruction) -> Iterator[str]:
         yield _bullets([in_markdown(reason) for reason in others])
 
 
+def _all_limits(reconstruction: Reconstruction) -> list[Limit]:
+    """Return what limited the result; what is so in one of several passes only names that pass."""
+    anchors, config = reconstruction.anchors, reconstruction.config
+    found = [
+        (in_markdown(episode.name), limit)
+        for episode, _ in reconstruction.passes
+        for limit in find_limits(episode, anchors, config, name=in_markdown)
+    ]
+    said = [limit for _, limit in found]
+    return [
+        limit if said.count(limit) == len(reconstruction.passes)
+        else replace(limit, text=f"In {name}: {limit.text}")
+        for k, (name, limit) in enumerate(found)
+        if limit not in said[:k]
+    ]  # fmt: skip
+
+
+def _residual_m(reconstruction: Reconstruction) -> Float64[Array, "T N"]:
+    """Return how far the ranges of all passes are off, without their signs."""
+    residuals = [
+        range_residual_m(episode, reconstruction.anchors) for episode, _ in reconstruction.passes
+    ]
+    return np.abs(np.concatenate(residuals))
+
+
 def _found(reconstruction: Reconstruction) -> Iterator[str]:
-    episode, boundary = reconstruction.episode, reconstruction.boundary
+    boundary = reconstruction.boundary
     if boundary.status is BoundaryStatus.OK:
         apart_m = np.hypot(*(boundary.hull_m[:, None] - boundary.hull_m).transpose(2, 0, 1))
         yield (
@@ -105,13 +132,21 @@ def _found(reconstruction: Reconstruction) -> Iterator[str]:
     if lost:
         names = ", ".join(in_markdown(anchor.anchor_id) for anchor in lost)
         yield f"Not located: {names}."
-    length_m = float(np.hypot(*np.diff(episode.position_m, axis=0).T).sum())
-    yield (
-        f"The drive took {episode.t_s[-1] - episode.t_s[0]:.1f} s over {metres(length_m)}; "
+    used = (
         f"{sum(anchor.n_ranges for anchor in reconstruction.anchors)} ranges (measured distances) "
-        f"to {len(episode.anchor_ids)} cones were used."
+        f"to {len(reconstruction.anchors)} cones were used."
     )
-    if episode.frame is None:
+    drives = []
+    for episode, _ in reconstruction.passes:
+        length_m = float(np.hypot(*np.diff(episode.position_m, axis=0).T).sum())
+        drives.append(f"took {episode.t_s[-1] - episode.t_s[0]:.1f} s over {metres(length_m)}")
+    if reconstruction.more_passes:
+        named = zip(reconstruction.passes, drives, strict=True)
+        each = "; ".join(f"{in_markdown(e.name)} {drive}" for (e, _), drive in named)
+        yield f"{len(drives)} drives past the zone were put together: {each}. In all, {used}"
+    else:
+        yield f"The drive {drives[0]}; {used}"
+    if reconstruction.episode.frame is None:
         yield (
             "The place on Earth is not known to the log: places are metres east and north of its "
             "own origin."
@@ -137,7 +172,7 @@ def _sureness(reconstruction: Reconstruction) -> Iterator[str]:
             f"has {'' if doubt.mirror_probability < 0.01 else 'at most '}"
             f"{percent(doubt.mirror_probability)} probability ({in_markdown(doubt.anchor_id)})."
         )
-    residual_m = np.abs(range_residual_m(reconstruction.episode, reconstruction.anchors))
+    residual_m = _residual_m(reconstruction)
     misfit_m = residual_m[np.isfinite(residual_m)]
     if misfit_m.size:
         half_m, most_m = np.quantile(misfit_m, [0.5, 0.95])
@@ -145,7 +180,9 @@ def _sureness(reconstruction: Reconstruction) -> Iterator[str]:
             f"Half of the ranges fit these places to {metres(half_m)} or better, 95 of 100 to "
             f"{metres(most_m)} or better."
         )
-    yield from _corrections(reconstruction)
+    for episode, _ in reconstruction.passes:
+        where = f"In {in_markdown(episode.name)}: " if reconstruction.more_passes else ""
+        yield from (where + line for line in _corrections(episode))
     yield (
         "All this is relative to the positions of the drive. An error of these (base station, "
         "map datum) moves all cones together and comes on top; size and shape of the zone are "
@@ -168,8 +205,8 @@ def _regions(reconstruction: Reconstruction) -> Iterator[str]:
     )
 
 
-def _corrections(reconstruction: Reconstruction) -> Iterator[str]:
-    clock, found = reconstruction.episode.clock, reconstruction.episode.calibration
+def _corrections(episode: Episode) -> Iterator[str]:
+    clock, found = episode.clock, episode.calibration
     if clock is not None and clock.applied:
         way = "late" if clock.offset_s > 0 else "early"
         yield (
@@ -213,7 +250,7 @@ def _advice(limits: Sequence[Limit]) -> Iterator[str]:
 
 def _table(reconstruction: Reconstruction) -> Iterator[str]:
     frame = reconstruction.episode.frame
-    residual_m = np.abs(range_residual_m(reconstruction.episode, reconstruction.anchors))
+    residual_m = _residual_m(reconstruction)
     names = ["Cone", "State", "East (m)", "North (m)"]
     names += [] if frame is None else ["Latitude (°)", "Longitude (°)"]
     names += ["Within, 90 % (m)", "This side", "Ranges", "Usual misfit (m)"]

@@ -21,7 +21,7 @@ const chosen = { id: null, step: 0, ranges: false };  // what the reader looks a
 
 const STATUS = {
   ok: "located", ambiguous: "side not certain", "ill-conditioned": "poorly fixed",
-  "not-converged": "not settled", "too-few-ranges": "not located",
+  "not-converged": "not settled", moved: "perhaps moved", "too-few-ranges": "not located",
 };
 
 function byId(id) { return document.getElementById(id); }

@@ -89,15 +89,17 @@ function take(place) {
 function paintPath() {
   const lines = Object.fromEntries(CLASSES.map((name) => [name, []]));
   let before = null;
+  const starts = new Set([0, ...timeline.starts]);
   const corner = (k) => `${timeline.east_m[k].toFixed(2)} ${timeline.north_m[k].toFixed(2)}`;
   for (let k = 0; k + 1 < steps; k += 1) {
     const name = fitClass(fit.shown[k]);
+    if (starts.has(k + 1)) { before = null; continue; }  // the way from one pass to the next
     if (name !== before) lines[name].push(`M${corner(k)}`);
     lines[name].push(`L${corner(k + 1)}`);
     before = name;
   }
   for (const name of CLASSES) pathLines[name].setAttribute("d", lines[name].join(""));
-  const whole = timeline.t_s.map((_, k) => `${k ? "L" : "M"}${corner(k)}`).join("");
+  const whole = timeline.t_s.map((_, k) => `${starts.has(k) ? "M" : "L"}${corner(k)}`).join("");
   pathLines.halo.setAttribute("d", whole);
 }
 
