@@ -131,6 +131,8 @@ def reconstruct(
             try:
                 result, metrics = reconstruct_and_score(passes, settings)
             except InputError as error:
+                if len(passes) > 1:
+                    raise
                 failures.append(error)
                 continue
             paths = write_all(result, folder, metrics, svg=svg, gis=gis)

@@ -117,7 +117,7 @@ def _residual_m(reconstruction: Reconstruction) -> Float64[Array, "T N"]:
     residuals = [
         range_residual_m(episode, reconstruction.anchors) for episode, _ in reconstruction.passes
     ]
-    return np.abs(np.concatenate(residuals))
+    return np.asarray(np.abs(np.concatenate(residuals)))
 
 
 def _found(reconstruction: Reconstruction) -> Iterator[str]:
