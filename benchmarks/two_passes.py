@@ -48,7 +48,7 @@ class Tally:
             nearer = int(distance_m[n].argmin())
             self.right.append(distance_m[n, 0] <= distance_m[n, nearer] + 1e-9)
             self.error_m.append(distance_m[n, nearer])
-            off, covariance = off_m[n, nearer], found.covariance_m2[n, nearer]
+            off, covariance = off_m[n, nearer], (found.covariance_m2[:, nearer] * found.factor())[n]
             self.covered.append(off @ np.linalg.solve(covariance, off) < CHI_SQUARE_90)
 
     def row(self) -> str:

@@ -11,10 +11,10 @@ and Lambda for the inverse of their covariance, the place minimises::
 
     N(a) = min over theta of  sum_k 1/kappa_k sum_t rho(e_kt)  +  theta' Lambda theta / 2
 
-where kappa_k is how many ranges of the pass are worth an independent one (``locate.py``, times the
-anchor's inflation of ``honest_errors.py``) and s_k what the pass alone left of its noise. So the
-evidence of passes adds up, and nothing is averaged: a pass whose clock is unknown hardly counts
-along the road and fully across it.
+where kappa_k is how many ranges of the pass are worth an independent one (``locate.py``; more for
+an anchor whose errors are worse than its log's, ``honest_errors.py``) and s_k what the pass alone
+left of its noise. So the evidence of passes adds up, and nothing is averaged: a pass whose clock is
+unknown hardly counts along the road and fully across it.
 
 What passes have in common (Lambda):
 
@@ -128,6 +128,10 @@ def hear(each: LocatedPass, anchor_id: str, config: PipelineConfig) -> Heard:
     if own.errors is not None:
         scale, kappa = float(own.errors.scale[n]), float(own.errors.steps_worth_one[n])
     inflation = float(own.factor()[n, 0, 0])
+    if (found := episode.calibration) is not None:
+        # What the log's errors are worth here, and by how much this anchor's are worse.
+        seen = max(found.sigma_m / max(scale * float(sigma_m.mean()), 1e-9), 1.0)
+        kappa = max(kappa, inflation * found.correlation * seen**2)
     others = 1.0 - float(own.n_ranges[n]) / max(float(own.n_ranges.sum()), 1.0)
     return Heard(
         name=episode.name,
@@ -139,7 +143,7 @@ def hear(each: LocatedPass, anchor_id: str, config: PipelineConfig) -> Heard:
         range_m=range_m,
         basis=bias_basis(range_m),
         sigma2_m2=(scale * sigma_m) ** 2,
-        kappa=inflation * kappa,
+        kappa=kappa,
         bias_covariance=_bias_covariance(episode, others, config),
         clock_variance_s2=_clock_variance(episode, others, config),
         centre_m=own.position_m[n].mean(axis=0) if own.centre_m is None else own.centre_m[n],
