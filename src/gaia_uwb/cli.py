@@ -52,8 +52,6 @@ app = typer.Typer(
 app.add_typer(data_app, name="data")
 app.add_typer(reproduce_app, name="reproduce")
 app.add_typer(wzdx_app, name="wzdx")
-app.command("train")(train)
-app.command("simulate")(simulate)
 
 
 @app.callback(invoke_without_command=True)
@@ -143,6 +141,9 @@ def reconstruct(
         raise typer.Exit(UNRELIABLE)
 
 
+app.command("simulate")(simulate)  # the help lists commands in this order
+
+
 @app.command()
 def evaluate(
     source: SourceArgument,
@@ -195,6 +196,9 @@ def evaluate(
     folder.write_text("episodes.csv", episodes_csv(scores, test))
     path = folder.write_text("results.json", json.dumps(results, indent=2, allow_nan=False) + "\n")
     print_results(results, path)
+
+
+app.command("train")(train)
 
 
 def main() -> None:
