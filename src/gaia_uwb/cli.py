@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from gaia_uwb.cli_data import data_app
+from gaia_uwb.cli_fleet import fleet
 from gaia_uwb.cli_learning import train
 from gaia_uwb.cli_options import (
     ClosureOption,
@@ -141,7 +142,8 @@ def reconstruct(
         raise typer.Exit(UNRELIABLE)
 
 
-app.command("simulate")(simulate)  # the help lists commands in this order
+app.command("fleet")(fleet)  # the help lists commands in this order
+app.command("simulate")(simulate)
 
 
 @app.command()

@@ -1,0 +1,52 @@
+"""``gaia fleet``: many logs, zone by zone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gaia_uwb.cli_options import ConfigOption, OutOption
+from gaia_uwb.terminal import plain, progress_bar
+
+_LEFT_OUT = 1
+
+
+def fleet(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="A folder with a folder of logs for each zone, or a CSV file with the columns "
+            "log and zone."
+        ),
+    ],
+    out: OutOption = Path("out"),
+    workers: Annotated[int, typer.Option(min=1, max=256, help="Processes.")] = 1,
+    config: ConfigOption = None,
+) -> None:
+    """Fuse the passes of many zones; call it again to go on after an interruption."""
+    from gaia_uwb.config import PipelineConfig, load_config
+    from gaia_uwb.files import OutputFolder
+    from gaia_uwb.fleet import find_zones, reconstruct_fleet, write_tables
+
+    settings = PipelineConfig() if config is None else load_config(config)
+    zones = find_zones(source)
+    OutputFolder(out)
+    results = []
+    with progress_bar() as progress:
+        task = progress.add_task("zones", total=len(zones))
+        for result in reconstruct_fleet(zones, out, settings, workers=workers):
+            results.append(result)
+            progress.advance(task)
+            if progress.disable:
+                typer.echo(plain(f"{len(results)} of {len(zones)}: {result.zone} {result.status}"))
+    write_tables(results, out)
+    failures = sum(len(result.failures) for result in results)
+    unsure = sum(result.status != "ok" for result in results)
+    typer.echo(
+        f"{len(zones)} zones: {len(zones) - unsure} ok, {unsure} not; {failures} failures are "
+        f"listed in {out / 'failures.csv'}"
+    )
+    if failures or unsure:
+        raise typer.Exit(_LEFT_OUT)

@@ -1,0 +1,327 @@
+"""Many logs: grouped by zone, each zone's passes fused, in several processes.
+
+A zone is the unit of work: its logs are read and prepared once, one zone at a time in each process,
+which bounds the memory. Its results are complete when ``fleet.json`` is there, which is written
+last and names what they were made from; a run that was interrupted goes on with the zones that lack
+it. A log that cannot be used is listed and the rest of its zone goes on. Results do not depend on
+the number of processes: each zone is computed alone, and numerical libraries get one thread.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import multiprocessing
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from gaia_uwb.config import PipelineConfig
+from gaia_uwb.errors import GaiaError, InputError, SourceError
+from gaia_uwb.files import OutputFolder
+from gaia_uwb.scene import Scene
+
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
+_DONE = "fleet.json"
+
+
+@dataclass(frozen=True)
+class Zone:
+    """The logs of one zone.
+
+    Parameters
+    ----------
+    name
+        Names the folder of its results.
+    logs
+        What :func:`gaia_uwb.sources.load_scenes` takes.
+    """
+
+    name: str
+    logs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A log that was left out, or with an empty ``log`` a zone without a result."""
+
+    zone: str
+    log: str
+    problem: str
+
+
+@dataclass(frozen=True)
+class ZoneResult:
+    """What came of one zone; ``status`` is ``failed`` where there is no result."""
+
+    zone: str
+    status: str
+    n_passes: int
+    n_anchors: int
+    n_located: int
+    area_m2: float
+    failures: tuple[Failure, ...]
+
+
+def find_zones(source: Path) -> list[Zone]:
+    """Return the zones of a manifest, or of a folder that holds a folder of logs for each zone.
+
+    Parameters
+    ----------
+    source
+        A CSV file with the columns ``log`` and ``zone``, places seen from its own folder; or a
+        folder. A log that lies in the folder itself is a zone of its own.
+
+    Returns
+    -------
+    list of Zone
+        Sorted by name, at least one.
+
+    Raises
+    ------
+    SourceError
+        If there is nothing at ``source``, or no log in it.
+    InputError
+        If the manifest is wrong: the message names its row.
+    """
+    if source.is_file():
+        zones = _manifest(source)
+    elif source.is_dir():
+        zones = _folder(source)
+    else:
+        raise SourceError(f"{source}: neither a folder nor a manifest")
+    if not zones:
+        raise SourceError(f"{source}: no logs in it")
+    for name in zones:
+        if not name.strip() or name in {".", ".."} or "/" in name or "\0" in name:
+            raise InputError(f"{name!r} cannot name a folder", source=source, column="zone")
+    return [Zone(name, tuple(sorted(set(zones[name])))) for name in sorted(zones)]
+
+
+def _manifest(source: Path) -> dict[str, list[str]]:
+    try:
+        rows = list(csv.DictReader(io.StringIO(source.read_text(encoding="utf-8-sig"))))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"cannot read a manifest: {error}", source=source) from error
+    zones: dict[str, list[str]] = {}
+    for k, row in enumerate(rows, start=2):
+        log, zone = row.get("log"), row.get("zone")
+        if not log or not zone:
+            raise InputError("expected a log and a zone", source=source, row=k)
+        zones.setdefault(zone, []).append(str(source.parent / log))
+    return zones
+
+
+def _folder(source: Path) -> dict[str, list[str]]:
+    from gaia_uwb.datasets.described import is_described
+    from gaia_uwb.datasets.native import is_native
+
+    def is_log(path: Path) -> bool:
+        return is_described(path) or is_native(path)
+
+    zones: dict[str, list[str]] = {}
+    for path in sorted(source.iterdir()):
+        if is_log(path):
+            zones[path.name] = [str(path)]
+        elif path.is_dir():
+            logs = [str(each) for each in sorted(path.iterdir()) if is_log(each) or each.is_dir()]
+            if logs:
+                zones[path.name] = logs
+    return zones
+
+
+def reconstruct_zone(zone: Zone, folder: Path, config: PipelineConfig) -> ZoneResult:
+    """Fuse the passes of one zone and write its results, or read what was written before.
+
+    Parameters
+    ----------
+    zone
+        The zone.
+    folder
+        For its results.
+    config
+        All settings.
+
+    Returns
+    -------
+    ZoneResult
+        With the logs that were left out.
+    """
+    digest = _digest(zone, config)
+    try:
+        done = json.loads((folder / _DONE).read_text(encoding="utf-8"))
+        if done["digest"] == digest:
+            failures = tuple(Failure(**row) for row in done["result"].pop("failures"))
+            return ZoneResult(**done["result"], failures=failures)
+    except (OSError, ValueError, KeyError, TypeError):
+        pass  # not done yet, or done from something else
+    try:
+        result = _fused(zone, folder, config)
+    except GaiaError as error:
+        problem = Failure(zone.name, "", str(error))
+        return ZoneResult(zone.name, "failed", 0, 0, 0, 0.0, (problem,))
+    content = {"digest": digest, "result": asdict(result)}
+    OutputFolder(folder).write_text(_DONE, json.dumps(content, indent=1) + "\n")
+    return result
+
+
+def _fused(zone: Zone, folder: Path, config: PipelineConfig) -> ZoneResult:
+    from gaia_uwb.pipeline import prepare, reconstruct_passes
+    from gaia_uwb.report import write_all
+    from gaia_uwb.sources import load_scenes
+    from gaia_uwb.zone_passes import in_one_frame, same_drive
+
+    OutputFolder(folder).remove(_DONE)
+    scenes: list[Scene] = []
+    failures: list[Failure] = []
+    for log in zone.logs:
+        try:
+            for scene in load_scenes(log):
+                twin = next((each for each in scenes if same_drive(each, scene)), None)
+                if twin is not None:
+                    raise InputError(f"the same drive as {twin.name}", source=scene.name)
+                scenes.append(scene.without_truth())
+        except GaiaError as error:
+            failures.append(Failure(zone.name, log, str(error)))
+    episodes = []
+    for scene in in_one_frame(scenes):
+        try:
+            episodes.append(prepare(scene, config))
+        except InputError as error:
+            failures.append(Failure(zone.name, scene.name, str(error)))
+    if not episodes:
+        raise InputError("none of its logs can be used", source=zone.name)
+    result = reconstruct_passes(episodes, config)
+    write_all(result, folder)
+    return ZoneResult(
+        zone=zone.name,
+        status=result.status.value,
+        n_passes=len(result.passes),
+        n_anchors=len(result.anchors),
+        n_located=sum(anchor.status.has_position for anchor in result.anchors),
+        area_m2=result.boundary.area_m2,
+        failures=tuple(failures),
+    )
+
+
+def _digest(zone: Zone, config: PipelineConfig) -> str:
+    """Return what names a zone's logs, with the size and time of each file, and the settings."""
+    files = []
+    for log in zone.logs:
+        path = Path(log)
+        inside = sorted(path.rglob("*")) if path.is_dir() else [path]
+        for each in inside:
+            if each.is_file():
+                about = each.stat()
+                files.append((str(each), about.st_size, about.st_mtime_ns))
+    content = [version("gaia-uwb"), config.model_dump(mode="json"), zone.logs, files]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+def reconstruct_fleet(
+    zones: Sequence[Zone], out: Path, config: PipelineConfig, *, workers: int = 1
+) -> Iterator[ZoneResult]:
+    """Reconstruct many zones in several processes and yield each as it is done.
+
+    Parameters
+    ----------
+    zones
+        Each gets a folder of its name in ``out``.
+    out
+        Folder for all results.
+    config
+        All settings.
+    workers
+        Processes; a script that asks for several needs ``if __name__ == "__main__":``.
+    """
+    waiting = list(reversed(zones))
+    while waiting:
+        killed: list[Zone] = []
+        with _one_thread(), _processes(workers) as pool:
+            running: dict[Future[ZoneResult], Zone] = {}
+            while running or (waiting and not killed):
+                while waiting and not killed and len(running) < 2 * workers:
+                    zone = waiting[-1]
+                    try:
+                        job = pool.submit(reconstruct_zone, zone, out / zone.name, config)
+                    except BrokenProcessPool:  # told when the next result is asked for
+                        break
+                    running[job] = waiting.pop()
+                if not running:
+                    break
+                for job in wait(running, return_when=FIRST_COMPLETED).done:
+                    zone = running.pop(job)
+                    if isinstance(job.exception(), BrokenProcessPool):
+                        killed.append(zone)
+                    else:
+                        yield job.result()
+        # A process was killed, and the pool with it. What it held starts again, each zone alone,
+        # so that one that always ends so takes no other with it.
+        for zone in killed:
+            yield _alone(zone, out, config)
+
+
+def _processes(workers: int) -> ProcessPoolExecutor:
+    # Processes are started afresh: a fork would copy other libraries' threads half-way.
+    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+
+
+def _alone(zone: Zone, out: Path, config: PipelineConfig) -> ZoneResult:
+    """Reconstruct one zone in a process of its own."""
+    with _one_thread(), _processes(1) as pool:
+        try:
+            return pool.submit(reconstruct_zone, zone, out / zone.name, config).result()
+        except BrokenProcessPool:
+            problem = Failure(zone.name, "", "the process that worked on it was killed")
+            return ZoneResult(zone.name, "failed", 0, 0, 0, 0.0, (problem,))
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Give numerical libraries of new processes one thread each."""
+    before: Mapping[str, str | None] = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def write_tables(results: Sequence[ZoneResult], out: Path) -> list[Path]:
+    """Write ``zones.csv`` and ``failures.csv``, sorted by zone, and return their paths.
+
+    Parameters
+    ----------
+    results
+        Of all zones, in any order.
+    out
+        Folder of all results.
+    """
+    folder = OutputFolder(out)
+    ordered = sorted(results, key=lambda result: result.zone)
+    columns = ["zone", "status", "n_passes", "n_anchors", "n_located", "area_m2"]
+    rows = [[getattr(result, column) for column in columns] for result in ordered]
+    failed = [[f.zone, f.log, f.problem] for result in ordered for f in result.failures]
+    return [
+        folder.write_text("zones.csv", _table(columns, rows)),
+        folder.write_text("failures.csv", _table(["zone", "log", "problem"], failed)),
+    ]
+
+
+def _table(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    return out.getvalue()

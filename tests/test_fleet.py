@@ -1,0 +1,136 @@
+"""Many logs: the same files with any number of workers, resumed, and with failures listed."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from gaia_uwb.config import PipelineConfig
+from gaia_uwb.datasets.native import write_native
+from gaia_uwb.errors import InputError, SourceError
+from gaia_uwb.fleet import find_zones, reconstruct_fleet, write_tables
+from gaia_uwb.simulate import PRESETS, simulate_zone
+
+RAW = PipelineConfig(denoiser="raw")
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three zones of two passes, one of which also holds a broken log."""
+    folder = tmp_path_factory.mktemp("logs")
+    for zone in range(3):
+        for scene in simulate_zone(PRESETS["straight"], 3, zone=zone):
+            write_native(scene, folder / f"zone-{zone}" / scene.name, file_format="parquet")
+    broken = folder / "zone-1" / "broken"
+    broken.mkdir()
+    (broken / "trajectory.csv").write_text("nonsense", encoding="utf-8")
+    return folder
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+@pytest.fixture(scope="module")
+def one(logs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("one")
+    write_tables(list(reconstruct_fleet(find_zones(logs), out, RAW)), out)
+    return out
+
+
+def test_failures_are_listed_and_the_rest_completes(one: Path) -> None:
+    rows = list(csv.DictReader((one / "failures.csv").read_text(encoding="utf-8").splitlines()))
+    assert [(row["zone"], Path(row["log"]).name) for row in rows] == [("zone-1", "broken")]
+    rows = list(csv.DictReader((one / "zones.csv").read_text(encoding="utf-8").splitlines()))
+    assert [row["zone"] for row in rows] == ["zone-0", "zone-1", "zone-2"]
+    assert [row["n_passes"] for row in rows] == ["2", "2", "2"]
+    for zone in range(3):
+        assert (one / f"zone-{zone}" / "report.json").exists()
+
+
+def test_the_number_of_workers_changes_no_byte(logs: Path, one: Path, tmp_path: Path) -> None:
+    write_tables(list(reconstruct_fleet(find_zones(logs), tmp_path, RAW, workers=2)), tmp_path)
+    assert files(tmp_path) == files(one)
+
+
+def test_what_is_done_is_not_done_again(logs: Path, one: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in one.rglob("map.html")}
+    again = list(reconstruct_fleet(find_zones(logs), one, RAW))
+    assert len(again) == 3
+    assert {path: path.stat().st_mtime_ns for path in one.rglob("map.html")} == before
+
+
+def test_a_killed_run_goes_on(logs: Path, one: Path, tmp_path: Path) -> None:
+    settings = tmp_path / "raw.yaml"
+    settings.write_text("denoiser: raw\n", encoding="utf-8")
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "gaia_uwb", "fleet", str(logs), "--config", str(settings)]
+    command += ["--out", str(out)]
+    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
+    deadline = time.monotonic() + 240.0
+    while not list(out.rglob("fleet.json")) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.killpg(run.pid, signal.SIGKILL)
+    run.wait()
+    assert subprocess.run(command, capture_output=True, check=False).returncode == 1
+    assert {k: v for k, v in files(out).items() if "/." not in k} == files(one)
+
+
+def test_a_killed_process_costs_no_zone(logs: Path, one: Path, tmp_path: Path) -> None:
+    settings = tmp_path / "raw.yaml"
+    settings.write_text("denoiser: raw\n", encoding="utf-8")
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "gaia_uwb", "fleet", str(logs), "--config", str(settings)]
+    run = subprocess.Popen([*command, "--workers", "2", "--out", str(out)])
+    deadline = time.monotonic() + 240.0
+    while not list(out.rglob("fleet.json")) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    workers = [
+        int(path.parent.name)
+        for path in Path("/proc").glob("[0-9]*/status")
+        if f"PPid:\t{run.pid}\n" in read_status(path) and b"spawn_main" in command_of(path)
+    ]
+    os.kill(max(workers), signal.SIGKILL)
+    assert run.wait(timeout=400) == 1
+    assert {k: v for k, v in files(out).items() if "/." not in k} == files(one)
+
+
+def read_status(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError:
+        return ""
+
+
+def command_of(path: Path) -> bytes:
+    try:
+        return (path.parent / "cmdline").read_bytes()
+    except OSError:
+        return b""
+
+
+def test_manifests_name_log_and_zone(logs: Path, tmp_path: Path) -> None:
+    manifest = tmp_path / "logs.csv"
+    manifest.write_text("log,zone\nb,one\na,one\nc,two\n", encoding="utf-8")
+    first, second = find_zones(manifest)
+    assert (first.name, [Path(log).name for log in first.logs]) == ("one", ["a", "b"])
+    assert second.name == "two"
+    manifest.write_text("log,zone\na,\n", encoding="utf-8")
+    with pytest.raises(InputError, match="row 2: expected a log and a zone"):
+        find_zones(manifest)
+    manifest.write_text("log,zone\na,../x\n", encoding="utf-8")
+    with pytest.raises(InputError, match="cannot name a folder"):
+        find_zones(manifest)
+    with pytest.raises(SourceError, match="neither a folder nor a manifest"):
+        find_zones(tmp_path / "absent")
