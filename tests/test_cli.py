@@ -340,20 +340,21 @@ def test_errors_need_a_survey(run, log: Path, tmp_path: Path) -> None:  # type: 
 def test_table5_needs_the_data_set(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     code, _, err = run("reproduce", "table5", "--data-dir", tmp_path, "--out", tmp_path / "out")
     assert code == 2
-    assert "outdoor-uwb" in err
-    assert err.count("\n") == 1
+    begun, *problem = err.splitlines()
+    assert begun == "== table5"
+    assert len(problem) == 1
+    assert "outdoor-uwb" in problem[0]
 
 
-def test_table5_prints_the_table(  # type: ignore[no-untyped-def]
+def test_table5_writes_the_table(  # type: ignore[no-untyped-def]
     run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("gaia_uwb.sources.load_scenes", lambda *_, **__: make_runs())
-    monkeypatch.setattr("gaia_uwb.simulator_check.N_PASSES", 1)
-    monkeypatch.setattr("gaia_uwb.simulator_check.N_REPLAYS", 1)
-    code, out, err = run("reproduce", "table5", "--out", tmp_path)
+    code, out, err = run("reproduce", "table5", "--quick", "--out", tmp_path)
     assert code == 0
-    assert "check: 6 of 6" in err
-    assert "as printed" in out
+    assert "6 of 6: errors fitted to" in err
+    assert "QUICK" in out and "results.json" in out
+    assert "as printed" in (tmp_path / "simulator-check.md").read_text(encoding="utf-8")
     assert (tmp_path / "results.json").stat().st_size > 1000
 
 

@@ -29,10 +29,7 @@ from surveyed import CASES, make_runs
 
 @pytest.fixture(scope="module")
 def check() -> SimulatorCheck:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulator_check, "N_PASSES", 2)
-        patch.setattr(simulator_check, "N_REPLAYS", 1)
-        return check_simulator(make_runs(), n_resamples=20)
+    return check_simulator(make_runs(), n_resamples=20, n_replays=1, n_passes=2)
 
 
 def test_every_choice_of_two_cases_is_checked_on_the_others(check: SimulatorCheck) -> None:
@@ -60,9 +57,7 @@ def test_no_fit_sees_the_runs_it_is_judged_on(monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(simulator_check, "fit_ranging", fit_and_note)
     monkeypatch.setattr(simulator_check, "replay", replay_and_compare)
-    monkeypatch.setattr(simulator_check, "N_PASSES", 1)
-    monkeypatch.setattr(simulator_check, "N_REPLAYS", 1)
-    check_simulator(make_runs(), n_resamples=2)
+    check_simulator(make_runs(), n_resamples=2, n_replays=1, n_passes=1)
     assert len(seen) == 7  # six choices, and all runs for the preset
     assert seen[-1] == set(CASES)
 
