@@ -54,6 +54,21 @@ def test_train_writes_a_model_that_reconstructs(
     assert [row["method"] for row in rows] == ["raw", f"gaia:{model}"]
 
 
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        (("--data", "sim:wild"), "--data sim:wild: gaia-set is trained on sim:mixed"),
+        (("--data", "sim:mixed", "--split", "run/0"), "--split: gaia-set is trained on sim:mixed"),
+    ],
+)
+def test_gaia_set_takes_its_own_scenes_only(
+    tmp_path: Path, options: tuple[str, ...], problem: str
+) -> None:
+    with pytest.raises(ConfigError, match=problem):
+        run("train", "gaia-set", *options, "--out", tmp_path / "model")
+    assert not (tmp_path / "model").exists()
+
+
 def test_train_goes_on_where_it_was(
     tmp_path: Path, recipe: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

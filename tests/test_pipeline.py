@@ -1,10 +1,11 @@
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from drives_past import with_moved_anchor
-from gaia_uwb.config import PipelineConfig, SolverConfig, make_config
+from gaia_uwb.config import PipelineConfig, PriorConfig, SidesConfig, SolverConfig, make_config
 from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.pipeline import (
@@ -15,7 +16,7 @@ from gaia_uwb.pipeline import (
     reconstruct_passes,
 )
 from gaia_uwb.scene import RangeLog, Scene, Trajectory, Truth
-from gaia_uwb.simulate import PRESETS, simulate_zone
+from gaia_uwb.simulate import PRESETS, find_preset, simulate_episodes, simulate_zone
 
 RAW = PipelineConfig(denoiser="raw")
 CONES = np.array([[10.0, 6.0], [18.0, 5.0], [26.0, 6.5], [20.0, 11.0], [12.0, 10.0]])
@@ -259,3 +260,34 @@ def test_the_ellipses_of_two_passes_cover():
             off = fix.position_m - true_m
             inside.append(off @ np.linalg.solve(fix.covariance_m2, off) < 2.0 * np.log(10.0))
     assert 0.8 < np.mean(inside) < 0.99
+
+
+def test_a_denoiser_that_knows_work_zones_locates_their_anchors() -> None:
+    (episode,) = simulate_episodes(find_preset("wild-test"), 1, seed=3)
+    ours = PipelineConfig(denoiser="gaia-set")
+    (found,) = reconstruct_episodes([episode], ours)
+    zone = found.denoised.zone
+    assert zone is not None
+    for n, anchor in enumerate(found.anchors):
+        places = [zone.place_m[n, side].tolist() for side in (0, 1)]
+        assert anchor.position_m.tolist() in places
+        assert anchor.mirror_position_m.tolist() in places
+    assert found.boundary_uncertainty is not None
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"sides": SidesConfig(joint=False)},
+        {"solver": SolverConfig(kind="wls")},
+        {"prior": PriorConfig(side="right")},
+    ],
+)
+def test_it_has_no_say_where_another_solver_or_prior_is_asked_for(changes: dict[str, Any]) -> None:
+    (episode,) = simulate_episodes(find_preset("wild-test"), 1, seed=3)
+    config = PipelineConfig(denoiser="gaia-set").model_copy(update=changes)
+    (found,) = reconstruct_episodes([episode], config)
+    zone = found.denoised.zone
+    assert zone is not None
+    for n, anchor in enumerate(found.anchors):
+        assert np.abs(zone.place_m[n] - anchor.position_m).max(axis=1).min() > 1e-6

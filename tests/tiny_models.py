@@ -11,10 +11,18 @@ import numpy as np
 
 from gaia_uwb.episode import Episode, EpisodeTruth
 from gaia_uwb.learning_sets import LearningSets
-from gaia_uwb.model import GaiaOptions, MlpOptions, NetworkOptions, PoseMlpOptions, TrainingOptions
+from gaia_uwb.model import (
+    GaiaOptions,
+    GaiaSetOptions,
+    MlpOptions,
+    NetworkOptions,
+    PoseMlpOptions,
+    SetTrainingOptions,
+    TrainingOptions,
+)
 
 if TYPE_CHECKING:
-    from gaia_uwb.model import ModelDescription
+    from gaia_uwb.model import ModelDescription, SetModelDescription
 
 N_ANCHORS = 3
 N_STEPS = 8
@@ -81,3 +89,24 @@ def train_tiny(
             stack.enter_context(patch("gaia_uwb.training.plot_losses"))
             stack.enter_context(patch("gaia_uwb.training.figure_png", return_value=b""))
         return train(task, OutputFolder(folder), base=base, **more)
+
+
+def train_tiny_set(
+    folder: Path, *, progress: Any = None, curves: bool = False, **training: Any
+) -> SetModelDescription:
+    """Train a small ``gaia-set`` for a moment; without the loss curves, like ``train_tiny``."""
+    from gaia_uwb.files import OutputFolder
+    from gaia_uwb.set_training import SetTask, train_set
+
+    settings = {"portions": 2, "portion_episodes": 16, "validation_episodes": 8, "warm_up_steps": 4}
+    task = SetTask(
+        GaiaSetOptions(channels=4, width=8, layers=1, rounds=2),
+        SetTrainingOptions(**(settings | training)),
+        "0",
+    )
+    watch = {} if progress is None else {"progress": progress}
+    with ExitStack() as stack:
+        if not curves:
+            stack.enter_context(patch("gaia_uwb.set_training.plot_losses"))
+            stack.enter_context(patch("gaia_uwb.set_training.figure_png", return_value=b""))
+        return train_set(task, OutputFolder(folder), **watch)

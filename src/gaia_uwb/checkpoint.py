@@ -16,14 +16,14 @@ from collections.abc import Mapping
 from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import ValidationError
 
 from gaia_uwb._typing import Array
 from gaia_uwb.errors import ConfigError
-from gaia_uwb.model import SCHEMA, ModelDescription
+from gaia_uwb.model import SCHEMA, ModelDescription, SetModelDescription
 
 DESCRIPTION = "model.json"
 ONNX = "model.onnx"
@@ -45,7 +45,7 @@ def find_model(kind: str, model: str) -> Path:
     Parameters
     ----------
     kind
-        Kind of network: ``mlp``, ``pose-mlp`` or ``gaia``.
+        Kind of network: ``mlp``, ``pose-mlp``, ``gaia`` or ``gaia-set``.
     model
         What it was trained on, for one inside the package (``stress``); or a folder that
         ``gaia train`` wrote.
@@ -73,8 +73,11 @@ def find_model(kind: str, model: str) -> Path:
     )
 
 
+Description = TypeVar("Description", ModelDescription, SetModelDescription)
+
+
 def read_description(folder: Path) -> ModelDescription:
-    """Read what a model is.
+    """Read what a model of the paper's networks is.
 
     Parameters
     ----------
@@ -86,6 +89,21 @@ def read_description(folder: Path) -> ModelDescription:
     ConfigError
         If it cannot be read, is damaged, or comes from another version of the format.
     """
+    return _read_description(folder, ModelDescription)
+
+
+def read_set_description(folder: Path) -> SetModelDescription:
+    """Read what a model of ``gaia-set`` is; like :func:`read_description`.
+
+    Parameters
+    ----------
+    folder
+        Holds the model's files.
+    """
+    return _read_description(folder, SetModelDescription)
+
+
+def _read_description(folder: Path, kind: type[Description]) -> Description:
     path = folder / DESCRIPTION
     content = _read(path)
     try:
@@ -94,7 +112,7 @@ def read_description(folder: Path) -> ModelDescription:
             raise ConfigError(
                 f"{path}: expected a model of schema {SCHEMA}, got {fields.get('schema')!r}"
             )
-        description = ModelDescription.model_validate_json(content)
+        description = kind.model_validate_json(content)
     except (ValidationError, ValueError, RecursionError) as error:
         if isinstance(error, ValidationError):
             first = error.errors()[0]
@@ -108,7 +126,7 @@ def read_description(folder: Path) -> ModelDescription:
     return description
 
 
-def seal(description: ModelDescription, contents: Mapping[str, bytes]) -> ModelDescription:
+def seal(description: Description, contents: Mapping[str, bytes]) -> Description:
     """Return a description with the checksums of the files beside it, and with its own.
 
     Parameters
@@ -131,7 +149,9 @@ def _checksum(fields: Mapping[str, Any]) -> str:
     return hashlib.sha256(content.encode()).hexdigest()
 
 
-def read_file(folder: Path, name: str, description: ModelDescription) -> bytes:
+def read_file(
+    folder: Path, name: str, description: ModelDescription | SetModelDescription
+) -> bytes:
     """Read a model's file and check it against its checksum.
 
     Parameters
@@ -154,7 +174,9 @@ def read_file(folder: Path, name: str, description: ModelDescription) -> bytes:
     return content
 
 
-def read_weights(folder: Path, description: ModelDescription) -> dict[str, Array]:
+def read_weights(
+    folder: Path, description: ModelDescription | SetModelDescription
+) -> dict[str, Array]:
     """Read a model's weights by name.
 
     Parameters

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -24,6 +24,7 @@ class Network(StrEnum):
     MLP = "mlp"
     POSE_MLP = "pose-mlp"
     GAIA = "gaia"
+    GAIA_SET = "gaia-set"
 
 
 class Preparation(StrEnum):
@@ -34,10 +35,14 @@ class Preparation(StrEnum):
 
 
 def train(
-    network: Annotated[Network, typer.Argument(metavar="MODEL", help="mlp, pose-mlp or gaia.")],
+    network: Annotated[
+        Network, typer.Argument(metavar="MODEL", help="mlp, pose-mlp, gaia, gaia-set.")
+    ],
     data: Annotated[
         str,
-        typer.Option(help="sim:PRESET, or logs with surveyed anchors, such as outdoor-uwb."),
+        typer.Option(
+            help="sim:PRESET, or logs with surveyed anchors (outdoor-uwb); for gaia-set sim:mixed."
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", help="Folder for the model; made if needed.")],
     split: Annotated[
@@ -56,6 +61,10 @@ def train(
         Path | None,
         typer.Option(help="YAML file: network, training and sets, as far as not the default."),
     ] = None,
+    portions: Annotated[
+        int | None,
+        typer.Option(min=1, help="gaia-set only: portions of 2,048 new scenes to train on."),
+    ] = None,
     data_dir: DataDirOption = None,
 ) -> None:
     """Train a network; call it again to go on where it was stopped."""
@@ -63,6 +72,10 @@ def train(
     from gaia_uwb.recipes import KINDS, load_recipe, make_recipe
 
     require_torch()
+    if network is Network.GAIA_SET:
+        others = {"--split": split != "all", "--base": base, "--recipe": recipe}
+        _train_set(data, out, seed, portions, [name for name, given in others.items() if given])
+        return
     from gaia_uwb.training import Task
     from gaia_uwb.training import train as run
 
@@ -86,6 +99,33 @@ def train(
     for name, value in found.metrics.items():
         typer.echo(f"  {name}: {value:.4g}")
     typer.echo(f"wrote {out}; use it with: gaia reconstruct SOURCE --denoiser {network}:{out}")
+
+
+def _train_set(
+    data: str, out: Path, seed: int, portions: int | None, strange: Sequence[str]
+) -> None:
+    """Train ``gaia-set``, which has one mixture of simulated scenes and no splits."""
+    from gaia_uwb.errors import ConfigError
+    from gaia_uwb.files import OutputFolder
+    from gaia_uwb.model import GaiaSetOptions, SetTrainingOptions
+    from gaia_uwb.set_training import SetTask, train_set
+
+    if data != "sim:mixed" or strange:
+        what = ", ".join(strange) or f"--data {data}"
+        raise ConfigError(f"{what}: gaia-set is trained on sim:mixed, as a whole")
+    sizes = {} if portions is None else {"portions": portions}
+    task = SetTask(GaiaSetOptions(), SetTrainingOptions(seed=seed, **sizes), version())
+    with progress_bar() as progress:
+
+        def each(left: Iterable[int], done: int) -> Iterator[int]:
+            if done:
+                sys.stderr.write(f"gaia-set: goes on after {done} portions\n")
+            yield from track(progress, list(left), "train gaia-set")
+
+        found = train_set(task, OutputFolder(out), progress=each)
+    for name, value in found.metrics.items():
+        typer.echo(f"  {name}: {value:.4g}")
+    typer.echo(f"wrote {out}; use it with: gaia reconstruct SOURCE --denoiser gaia-set:{out}")
 
 
 def _learning_sets(data: str, split: str, recipe: Recipe, data_dir: Path | None) -> LearningSets:

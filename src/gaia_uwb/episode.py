@@ -22,6 +22,7 @@ from gaia_uwb._checks import (
 from gaia_uwb._typing import Array, Bool, Float64
 from gaia_uwb.errors import InputError
 from gaia_uwb.scene import LocalFrame
+from gaia_uwb.zone_posterior import ZonePosterior
 
 
 @dataclass(frozen=True)
@@ -365,6 +366,8 @@ class DenoisedRanges:
         Standard deviation of each range, in metres, above 0; NaN where not valid.
     valid : (T, N)
         True where the range may be used.
+    zone
+        Where the anchors stand, from a denoiser that says so.
 
     Raises
     ------
@@ -376,6 +379,7 @@ class DenoisedRanges:
     range_m: Float64[Array, "T N"]
     sigma_m: Float64[Array, "T N"]
     valid: Bool[Array, "T N"]
+    zone: ZonePosterior | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         range_m = freeze(self, "range_m", self.range_m, np.float64)

@@ -17,16 +17,22 @@ _NAMES = {
     "layout": "layout (m²)",
     "consistency": "consistency (m²)",
     "anchor": "anchors (m²)",
+    "scene": "layout: negative log likelihood",
+    "range": "ranges: Huber (m²)",
+    "sigma": "ranges: negative log likelihood",
+    "nlos": "line of sight: cross entropy",
 }
 
 
-def plot_losses(log: Sequence[Mapping[str, Any]]) -> Figure:
+def plot_losses(log: Sequence[Mapping[str, Any]], unit: str = "epoch") -> Figure:
     """Draw every term over the epochs.
 
     Parameters
     ----------
     log
         One entry per epoch: ``epoch``, and terms by name under ``training`` and ``validation``.
+    unit
+        What an epoch is called.
     """
     terms = [name for name in _NAMES if name in log[0]["training"]]
     with house_style():
@@ -37,7 +43,8 @@ def plot_losses(log: Sequence[Mapping[str, Any]]) -> Figure:
                 values = [line[part][term] for line in log]
                 mark = None if len(epochs) > 1 else "o"
                 axes.plot(epochs, values, marker=mark, color=colour, ls=dashes, label=part)
-            axes.set(title=_NAMES[term], xlabel="epoch", yscale="log")
+            positive = all(line[part][term] > 0 for line in log for part in _LINES)
+            axes.set(title=_NAMES[term], xlabel=unit, yscale="log" if positive else "linear")
         figure.legend(
             *figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2
         )

@@ -71,6 +71,19 @@ class GaiaOptions(Settings):
 NetworkOptions = MlpOptions | PoseMlpOptions | GaiaOptions
 
 
+class GaiaSetOptions(Settings):
+    """Sizes of ``gaia-set``."""
+
+    kind: Literal["gaia-set"] = "gaia-set"
+    channels: _Width = 24
+    """C of the temporal encoder."""
+    width: int = Field(default=64, ge=4, le=4096, multiple_of=4)
+    """D of a token."""
+    layers: int = Field(default=2, ge=0, le=16)
+    """Of attention, in each round; without, every anchor is on its own."""
+    rounds: int = Field(default=2, ge=1, le=8)
+
+
 class Normalisation(Settings):
     """How lengths become numbers about 1: one scale for all of them, so that geometry holds."""
 
@@ -248,6 +261,43 @@ class ModelDescription(Settings):
     data: dict[str, Any]
     """What it was trained on."""
     training: TrainingOptions
+    metrics: dict[str, float]
+    """Scores on the validation data."""
+    version: str
+    """Of the package that trained it."""
+    sha256: dict[str, str] = Field(default_factory=dict)
+    """Checksums of the files beside this one, and of all else in this one."""
+
+
+class SetTrainingOptions(Settings):
+    """How ``gaia-set`` is trained (``set_training.py``)."""
+
+    seed: int = Field(default=0, ge=0)
+    """Of the weights at the start and of the scenes."""
+    portions: int = Field(default=85, ge=1, le=1_000_000)
+    """Portions of new scenes; the learning rate falls to zero over them along a half cosine."""
+    portion_episodes: int = Field(default=2048, ge=8, le=1_000_000)
+    validation_episodes: int = Field(default=256, ge=8, le=100_000)
+    """Of each kind of scene."""
+    learning_rate: float = Field(default=2e-3, gt=0, le=1)
+    warm_up_steps: int = Field(default=100, ge=0)
+    """Over which the learning rate grows from zero."""
+    weight_decay: float = Field(default=1e-4, ge=0, le=1)
+    gradient_norm: float = Field(default=1.0, gt=0)
+    """Longer gradients are shortened to this."""
+
+
+class SetModelDescription(Settings):
+    """All that is known of a trained ``gaia-set`` besides its weights: ``model.json``."""
+
+    schema_version: Literal[1] = Field(default=1, alias="schema")
+    network: GaiaSetOptions
+    ellipse_scale: float = Field(default=1.0, gt=0)
+    """Variances of places are multiplied by this, so that on validation scenes 90 % of the 90 %
+    ellipses hold the anchor (split conformal)."""
+    data: dict[str, Any]
+    """What it was trained on."""
+    training: SetTrainingOptions
     metrics: dict[str, float]
     """Scores on the validation data."""
     version: str

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gaia_uwb.model import ModelDescription
+from gaia_uwb.model import ModelDescription, SetModelDescription
 
 _LIMITS = """\
 - One channel per anchor, in the order of the log: it takes at most {n} anchors and has seen {seen}.
@@ -71,6 +71,63 @@ gaia {description.version}; this command, with the settings below, trains it aga
 
 {limits}
 ## Training settings
+
+{settings}
+"""
+
+
+_SET_LIMITS = """\
+- Trained on simulation only: no real range is in it.
+- Ranges along a straight path cannot tell the sides; then it says so with probabilities near 1/2.
+- A group of anchors that looks like none of its training is located by its ranges, with what it
+  has learned of work zones pulling the wrong way; the ranges win in the end, but not in 6 seconds.
+- 1 to 200 anchors, any place, direction and order; paths of 0.5 to 35 m/s, 5 to 20 readings a
+  second, ranges up to 300 m. Scenes longer than it was trained on are cut into windows.
+"""
+
+
+def set_model_card(description: SetModelDescription) -> str:
+    """Return the card of a ``gaia-set`` model.
+
+    Parameters
+    ----------
+    description
+        All that is known of it.
+    """
+    data = "\n".join(f"- {name}: {value}" for name, value in description.data.items())
+    metrics = "\n".join(f"| {name} | {value:.4g} |" for name, value in description.metrics.items())
+    settings = "\n".join(
+        f"- {name}: {value}"
+        for part in (description.network, description.training)
+        for name, value in part.model_dump().items()
+    )
+    return f"""\
+# {description.network.kind}, for work zones that it has never seen
+
+Denoises UWB ranges and locates the anchors of any zone, with probabilities of the sides. Written by
+gaia {description.version}; this command trains it again:
+
+```
+gaia train gaia-set --data sim:mixed --seed {description.training.seed} --out my-model/
+```
+
+## Data
+
+{data}
+
+## Scores on the validation data (last portion; `scene` is a negative log likelihood per anchor)
+
+| metric | value |
+|---|---|
+{metrics}
+
+Variances of places are multiplied by {description.ellipse_scale:.3f}, so that 90 % of the 90 %
+ellipses of validation scenes hold their anchor.
+
+## Limits
+
+{_SET_LIMITS}
+## Settings
 
 {settings}
 """

@@ -34,8 +34,9 @@ from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.locate import Hypotheses, locate
 from gaia_uwb.scene import Scene
 from gaia_uwb.scene_samples import sample_scenes
-from gaia_uwb.sides import Combinations, decide_sides
+from gaia_uwb.sides import Combinations, Decision, decide_sides
 from gaia_uwb.zone_passes import in_one_frame, join_windows, with_anchor_ranges, with_anchors
+from gaia_uwb.zone_sides import decide_zone
 
 _MISFIT_M = 1.0  # ranges of a working radio on a known path err by less
 _BIAS_SIGMA = 4.0  # a range bias so many prior standard deviations from 0 is none of a radio
@@ -277,7 +278,7 @@ def reconstruct_episodes(
     results = []
     for episode, ranges, places in zip(blind, denoised, hypotheses, strict=True):
         facts = KnownFacts.of(config.prior, episode)
-        decision = decide_sides(episode.anchor_ids, places, config.sides, config.solver, facts)
+        decision = _decide(episode, ranges, places, facts, config)
         anchors = decision.anchors
         boundary = make_boundary(np.stack([anchor.position_m for anchor in anchors]))
         reasons = (
@@ -301,6 +302,26 @@ def _pass_reasons(
     for episode in passes:
         for reason in (*_log_reasons(episode, config), *denoiser.notes(episode)):
             yield f"{episode.name}: {reason}"
+
+
+def _decide(
+    episode: Episode,
+    ranges: DenoisedRanges,
+    places: Hypotheses,
+    facts: KnownFacts | None,
+    config: PipelineConfig,
+) -> Decision:
+    """Decide the sides: by what the denoiser knows of work zones, or by the ranges and a prior.
+
+    The paper's solver and sides that are decided one by one are asked for to see what they give,
+    and what a user knows of a zone is weighed against ranges: then the denoiser has no say.
+    """
+    ours = config.solver.kind == "robust" and config.sides.joint
+    if ranges.zone is not None and ours and facts is None:
+        return decide_zone(
+            episode.anchor_ids, ranges.zone, places.n_ranges, config.sides, config.solver
+        )
+    return decide_sides(episode.anchor_ids, places, config.sides, config.solver, facts)
 
 
 def _log_reasons(episode: Episode, config: PipelineConfig) -> Iterator[str]:

@@ -200,20 +200,32 @@ def _independent(mirror: Float64[Array, "M"], located: Int64[Array, "M"]) -> Com
     if len(open_sides) <= _ENUMERATE:
         side = all_combinations(len(located), open_sides)
         weight = np.where(side > 0, mirror, 1.0 - mirror).prod(axis=1)
-        return _kept(side, weight, located, joint=False)
+        return kept_combinations(side, weight, located, joint=False)
     drawn = np.random.default_rng(0).random((4 * _KEPT, len(located))) < mirror
     side, count = np.unique(drawn.astype(np.int64), axis=0, return_counts=True)
-    return _kept(side, count.astype(np.float64), located, joint=False)
+    return kept_combinations(side, count.astype(np.float64), located, joint=False)
 
 
-def _kept(
+def kept_combinations(
     side: Int64[Array, "K M"],
     weight: Float64[Array, "K"],
     located: Int64[Array, "M"],
     *,
     joint: bool,
 ) -> Combinations:
-    """Keep the combinations that matter, the likeliest first."""
+    """Keep the combinations that matter, the likeliest first.
+
+    Parameters
+    ----------
+    side : (K, M)
+        Combinations of sides.
+    weight : (K,)
+        Above 0, on any scale.
+    located : (M,)
+        Indices of the anchors.
+    joint
+        Like :class:`Combinations`.
+    """
     order = np.argsort(-weight, kind="stable")
     share = np.cumsum(weight[order]) / weight.sum()
     order = order[: min(_KEPT, int(np.searchsorted(share, _KEPT_EVIDENCE)) + 1)]
@@ -244,7 +256,7 @@ class _Comparison:
         side[located], mirror[located] = best, probability
         place_m[located], covariance_m2[located] = self.place_m, self.covariance_m2
         choice = _Choice(side, place_m, covariance_m2, mirror, apart.mirror_covariance_m2)
-        return choice, _kept(self.side, self.weight, located, joint=True)
+        return choice, kept_combinations(self.side, self.weight, located, joint=True)
 
 
 def _jointly(

@@ -5,7 +5,7 @@ physical names, units and bounds) and its abilities (``uses_pose``).
 
 >>> from gaia_uwb.denoisers import DENOISERS, make_denoiser
 >>> sorted(DENOISERS)
-['gaia', 'kalman', 'median', 'mlp', 'pose-kalman', 'pose-mlp', 'raw']
+['gaia', 'gaia-set', 'kalman', 'median', 'mlp', 'pose-kalman', 'pose-mlp', 'raw']
 >>> make_denoiser("median", {"window_steps": 7}).options.window_steps
 7
 """
@@ -31,6 +31,7 @@ DENOISERS: dict[str, str] = {
     "mlp": "gaia_uwb.denoisers.neural:NeuralMlp",
     "pose-mlp": "gaia_uwb.denoisers.neural:NeuralPoseMlp",
     "gaia": "gaia_uwb.denoisers.neural:NeuralGaia",
+    "gaia-set": "gaia_uwb.denoisers.gaia_set:NeuralGaiaSet",
 }
 
 

@@ -8,7 +8,6 @@ no layout.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -20,6 +19,7 @@ from gaia_uwb._typing import Array, Float64
 from gaia_uwb.checkpoint import ONNX, find_model, read_description, read_file
 from gaia_uwb.corrections import largest_median_correction_m
 from gaia_uwb.denoisers._base import Denoiser, Options
+from gaia_uwb.denoisers._onnx import start_session
 from gaia_uwb.denoisers.median import Median, MedianOptions
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.errors import ConfigError
@@ -177,24 +177,8 @@ class NeuralGaia(Neural):
 @lru_cache(maxsize=8)
 def _session(content: bytes, n_anchors: int, source: str) -> onnxruntime.InferenceSession:
     """Load a network from its file's content; once, as long as that stays the same."""
-    import onnxruntime
-
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = _n_processors()
-    options.log_severity_level = 3
-    try:
-        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's own classes have no common base but this
-        reason = " ".join(str(error).split())
-        raise ConfigError(f"{source}: cannot run this model: {reason}") from error
+    session = start_session(content, source)
     expected = dict(zip(Features._fields, (2, n_anchors, n_anchors, n_anchors), strict=True))
     if {part.name: part.shape[-1] for part in session.get_inputs()} != expected:
         raise ConfigError(f"{source}: cannot run this model: expected the inputs {expected}")
     return session
-
-
-def _n_processors() -> int:
-    """Return how many processors this process may use, where the system says so."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

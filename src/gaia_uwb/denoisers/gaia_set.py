@@ -1,0 +1,184 @@
+"""``gaia-set``: the network for work zones that it has never seen, run by ONNX Runtime.
+
+Beside ranges it says where all anchors stand and on which sides, for episodes of up to 512 steps,
+twice the longest of its training. Places of longer ones come from the solver, which needs no help
+with so many ranges. Episodes of up to 4,096 steps are denoised as a whole; what is longer still is
+cut into windows that overlap by half and fade into one another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from gaia_uwb._typing import Array, Float64
+from gaia_uwb.checkpoint import ONNX, find_model, read_file, read_set_description
+from gaia_uwb.denoisers._base import Denoiser, Options
+from gaia_uwb.denoisers._onnx import start_session
+from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.errors import ConfigError
+from gaia_uwb.features import blend, window_starts
+from gaia_uwb.path_frame import PathFrame
+from gaia_uwb.zone_inputs import ZoneInputs, readings_of, zone_inputs
+from gaia_uwb.zone_posterior import ZonePosterior
+
+if TYPE_CHECKING:
+    import onnxruntime
+
+_OUTPUTS = ("denoised_range", "log_sigma", "place", "information", "scene_logit", "side_logit")
+_LONGEST_LOCATED = 512  # steps of episodes whose anchors it locates
+_LONGEST = 4096  # steps that are denoised as a whole
+_WINDOW = 512  # steps of a window of what is longer
+_READINGS = 1 << 17  # (episodes x anchors x steps) that the network takes at a time
+_LEAST_STEPS = 3  # fewer have no path
+_LEAST_RANGES = 4  # an anchor with fewer cannot be located, and keeps its measured ranges
+
+
+class GaiaSetOptions(Options):
+    """Options of ``gaia-set``."""
+
+    model: str = Field(default="mixed", min_length=1)
+    """What it was trained on, for a model inside the package (``mixed``); or a folder that
+    ``gaia train`` wrote."""
+
+
+class NeuralGaiaSet(Denoiser):
+    """The trained network.
+
+    Parameters
+    ----------
+    options
+        Which model.
+
+    Raises
+    ------
+    ConfigError
+        If the model is missing, damaged or of another kind.
+    """
+
+    Options: ClassVar[type[Options]] = GaiaSetOptions
+    uses_pose: ClassVar[bool] = True
+    options: GaiaSetOptions
+
+    def __init__(self, options: GaiaSetOptions) -> None:
+        super().__init__(options)
+        folder = find_model("gaia-set", options.model)
+        self.description = read_set_description(folder)
+        content = read_file(folder, ONNX, self.description)
+        self._session = _session(content, str(folder / ONNX))
+
+    def __call__(self, episodes: Sequence[Episode]) -> list[DenoisedRanges]:
+        """Denoise and locate; see the base class. ``zone`` holds the places."""
+        found: dict[int, DenoisedRanges] = {}
+        groups: dict[tuple[int, int], list[int]] = {}
+        for k, episode in enumerate(episodes):
+            if episode.n_steps < _LEAST_STEPS:
+                found[k] = _as_measured(episode)
+            elif episode.n_steps > _LONGEST:
+                found[k] = self._long(episode)
+            else:
+                groups.setdefault((episode.n_steps, episode.n_anchors), []).append(k)
+        for (n_steps, n_anchors), members in groups.items():
+            size = max(1, _READINGS // (n_steps * n_anchors))
+            for start in range(0, len(members), size):
+                part = members[start : start + size]
+                found.update(zip(part, self._run([episodes[k] for k in part]), strict=True))
+        return [found[k] for k in range(len(episodes))]
+
+    def _run(self, episodes: Sequence[Episode]) -> list[DenoisedRanges]:
+        """Denoise episodes of one number of steps and of anchors."""
+        inputs, frame = zone_inputs(readings_of(episodes))
+        feed = dict(zip(ZoneInputs._fields, inputs, strict=True))
+        values = self._session.run(list(_OUTPUTS), feed)
+        output = {
+            name: np.asarray(value, dtype=np.float64)
+            for name, value in zip(_OUTPUTS, values, strict=True)
+        }
+        zones: Sequence[ZonePosterior | None] = [None] * len(episodes)
+        if episodes[0].n_steps <= _LONGEST_LOCATED:
+            zones = self._zones(episodes, output, frame)
+        results = []
+        for b, (episode, zone) in enumerate(zip(episodes, zones, strict=True)):
+            unsolved = np.count_nonzero(episode.valid, axis=0) < _LEAST_RANGES
+            range_m = np.maximum(output["denoised_range"][b].T, 0.0)
+            range_m = np.where(unsolved, episode.range_m, range_m)
+            sigma_m = np.exp(output["log_sigma"][b].T)
+            results.append(
+                DenoisedRanges(
+                    range_m=np.where(episode.valid, range_m, np.nan),
+                    sigma_m=np.where(episode.valid, sigma_m, np.nan),
+                    valid=episode.valid,
+                    zone=zone,
+                )
+            )
+        return results
+
+    def _zones(
+        self, episodes: Sequence[Episode], output: dict[str, Array], frame: PathFrame
+    ) -> list[ZonePosterior]:
+        """Bring places and probabilities into the local frame."""
+        place = output["place"]
+        n_episodes, n_anchors = place.shape[:2]
+        flat = (n_episodes, 2 * n_anchors, 2)
+        place_m = frame.leave(place.reshape(flat)).reshape(place.shape)
+        covariance_m2 = self.description.ellipse_scale * _inverse(output["information"])
+        turned_m2 = frame.turn_covariance(covariance_m2.reshape(*flat, 2))
+        scene, own = _probability(output["scene_logit"]), _probability(output["side_logit"])
+        return [
+            ZonePosterior(
+                place_m=place_m[b],
+                covariance_m2=turned_m2[b].reshape(n_anchors, 2, 2, 2),
+                scene_probability=np.array([scene[b], 1.0 - scene[b]]),
+                left_probability=np.stack([own[b, :, 0], 1.0 - own[b, :, 1]]),
+                located=np.asarray(episode.valid.any(axis=0)),
+            )
+            for b, episode in enumerate(episodes)
+        ]
+
+    def _long(self, episode: Episode) -> DenoisedRanges:
+        """Denoise a long episode window by window."""
+        starts = window_starts(episode.n_steps, _WINDOW)
+        windows = self([episode.window(start, start + _WINDOW) for start in starts])
+
+        def whole(values: list[Float64[Array, "L N"]]) -> Float64[Array, "T N"]:
+            stacked = np.stack([np.nan_to_num(value, nan=0.0) for value in values])
+            return np.where(episode.valid, blend(stacked, starts, episode.n_steps), np.nan)
+
+        return DenoisedRanges(
+            range_m=whole([window.range_m for window in windows]),
+            sigma_m=whole([window.sigma_m for window in windows]),
+            valid=episode.valid,
+        )
+
+
+def _as_measured(episode: Episode) -> DenoisedRanges:
+    """Return what was measured, where there is no path to speak of."""
+    sigma_m = np.where(episode.valid, 1.0, np.nan)
+    return DenoisedRanges(range_m=episode.range_m, sigma_m=sigma_m, valid=episode.valid)
+
+
+def _inverse(information: Float64[Array, "*shape 3"]) -> Float64[Array, "*shape 2 2"]:
+    """Return the covariances of information matrices (along along, along left, left left)."""
+    aa, al, ll = np.moveaxis(information, -1, 0)
+    determinant = np.maximum(aa * ll - al * al, 1e-12)
+    rows = [np.stack([ll, -al], axis=-1), np.stack([-al, aa], axis=-1)]
+    return np.asarray(np.stack(rows, axis=-2) / determinant[..., None, None])
+
+
+def _probability(logit: Float64[Array, "*shape"]) -> Float64[Array, "*shape"]:
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(logit, -50.0, 50.0))))
+
+
+@lru_cache(maxsize=4)
+def _session(content: bytes, source: str) -> onnxruntime.InferenceSession:
+    """Load a network from its file's content; once, as long as that stays the same."""
+    session = start_session(content, source)
+    names = {part.name for part in session.get_inputs()}
+    if names != set(ZoneInputs._fields):
+        expected: Any = ZoneInputs._fields
+        raise ConfigError(f"{source}: cannot run this model: expected the inputs {expected}")
+    return session

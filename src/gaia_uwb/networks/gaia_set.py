@@ -1,0 +1,620 @@
+"""``gaia-set``: the ideas of the paper's six modules, for work zones that it has never seen.
+
+Nothing in it knows a coordinate or an anchor's number. All anchors share the same weights, each has
+two *tokens*, one for its place on either side of the path, and a token sees the world from its own
+side: its frame is the path's (``path_frame.py``), mirrored for places on the right. So permuting
+anchors permutes the output, moving and turning a scene moves and turns it, and mirroring a scene
+mirrors it, whatever the weights are.
+
+=====================  ===========================================================================
+module of the paper    here
+=====================  ===========================================================================
+PoseMLP Base           the exact solver's two places per anchor (``zone_inputs.py``): no weights
+Temporal Refinement    :class:`TemporalEncoder`, convolutions over what a place leaves unexplained
+Layout Head            :class:`Attention` across all tokens, and :class:`PlaceHead`: where such an
+                       anchor stands beside such a road, and how sure that is
+GeoDist                :func:`slant_m`, exact, inside :func:`gauss_newton`
+Prediction Head        :class:`RangeHead`: correction, standard deviation, P(NLOS), gate of a range
+Gated Fusion           :meth:`GaiaSet.forward`: corrected ranges and those of the place, blended
+=====================  ===========================================================================
+
+A round goes from places to better places: residuals, encoder, attention, a prior and corrected
+ranges, and a few steps of Gauss-Newton that weigh the two. The last module, :class:`SideHead`,
+gives the joint probability of the sides: a mixture of two scene hypotheses ("the zone is on the
+left", "... on the right"), given each of which the anchors choose their sides independently.
+
+Axes: B episodes, T steps, N anchors, M = 2 N tokens (all left ones first), C channels of the
+encoder, D width of a token. Lengths are metres.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from gaia_uwb.model import GaiaSetOptions
+
+_LEAST_SQUARE_M2 = 1e-4  # under a root, so that its gradient stays finite on top of an anchor
+_NOTHING = -1e4  # a logit that is never chosen
+_HEADS = 4
+_PAIR = 16  # width of what is said about a pair of tokens
+_DILATIONS = (1, 3, 9)
+_KERNEL = 5
+_STEP_CHANNELS = 17
+_TOKEN_FEATURES = 42
+_PAIR_FEATURES = 15
+_NEWTON_STEPS = 3
+_LONGEST_STEP_M = 30.0
+_FARTHEST_M = 600.0
+_TAILS = 4.0  # degrees of freedom of the ranges' errors
+
+
+class SetInputs(NamedTuple):
+    """A batch: the fields of :class:`gaia_uwb.zone_inputs.ZoneInputs` as tensors."""
+
+    position: Tensor
+    velocity: Tensor
+    range: Tensor
+    mask: Tensor
+    height_gap: Tensor
+    start: Tensor
+    fit: Tensor
+    road: Tensor
+    path_even: Tensor
+    path_odd: Tensor
+    step: Tensor
+
+
+class ZonePrediction(NamedTuple):
+    """What the network makes of a batch; sides are (left, right), places (along, left)."""
+
+    range: Tensor
+    """(B, N, T): denoised ranges; means nothing where there was none."""
+    corrected: Tensor
+    """(B, N, T): measured ranges less what is wrong with them, before the fusion."""
+    log_sigma: Tensor
+    """(B, N, T): logarithm of the corrected range's standard deviation in metres."""
+    nlos_logit: Tensor
+    """(B, N, T)."""
+    place: Tensor
+    """(B, N, 2, 2): anchor, side, (along, left)."""
+    information: Tensor
+    """(B, N, 2, 3): inverse covariance of each place: (along along, along left, left left)."""
+    scene_logit: Tensor
+    """(B,): of the scene hypothesis "left"."""
+    side_logit: Tensor
+    """(B, N, 2): of an anchor's standing on the hypothesis's side, given "left" and "right"."""
+
+
+class RoundOutput(NamedTuple):
+    """What one round makes of the tokens; places in the tokens' own frames."""
+
+    place: Tensor  # (B, M, 2)
+    information: Tensor  # (B, M, 3)
+    delta: Tensor  # (B, M, T): subtracted from the ranges
+    log_sigma: Tensor  # (B, M, T)
+    nlos_logit: Tensor  # (B, M, T)
+    gate: Tensor  # (B, M, T)
+    token: Tensor  # (B, M, D)
+    log_likelihood: Tensor  # (B, M): of the corrected ranges, given the place
+
+
+class Scene(NamedTuple):
+    """What the rounds know of a batch, token by token, each in its own frame."""
+
+    side: Tensor  # (B, M): 1 left, -1 right
+    path: Tensor  # (B, M, T, 2)
+    velocity: Tensor  # (B, M, T, 2)
+    range: Tensor  # (B, M, T)
+    mask: Tensor  # (B, M, T)
+    gap: Tensor  # (B, M, T)
+    road: Tensor  # (B, M, 3)
+    known: Tensor  # (B, M, 27): features that no round changes
+    step: Tensor  # (B, 1, 1, 1)
+    observed: Tensor  # (B, M)
+    kin: Tensor  # (M, M, 3): of one side; of one anchor; the same
+
+
+class GaiaSet(nn.Module):
+    """The whole network.
+
+    Parameters
+    ----------
+    options
+        Its sizes.
+    """
+
+    def __init__(self, options: GaiaSetOptions) -> None:
+        super().__init__()
+        self.rounds = nn.ModuleList(Round(options, first=k == 0) for k in range(options.rounds))
+        self.side_head = SideHead(options.width)
+
+    def forward(self, *inputs: Tensor) -> ZonePrediction:
+        """Denoise and locate a batch; inputs like :class:`gaia_uwb.zone_inputs.ZoneInputs`."""
+        return self.predictions(*inputs)[-1]
+
+    def predictions(self, *inputs: Tensor) -> list[ZonePrediction]:
+        """Return what each round would predict, with the last one's sides; losses look at all."""
+        given = SetInputs(*inputs)
+        scene = make_scene(given)
+        evidence = _evidence(given.fit[..., 0] / given.fit[..., 3].exp())
+        place = _to_tokens(given.start) * _flip(scene.side)
+        token, rounds = None, []
+        for module in self.rounds:
+            out: RoundOutput = module(scene, place, token, evidence)
+            place, token = out.place, out.token
+            fits = _by_side(out.log_likelihood.unsqueeze(-1)).squeeze(-1)  # (B, N, 2)
+            evidence = _evidence(fits - fits.flip(-1))
+            rounds.append(out)
+        assert token is not None  # there is at least one round  # noqa: S101
+        scene_logit, side_logit = self.side_head(token, evidence, scene.observed)
+        return [_prediction(scene, out, scene_logit, side_logit) for out in rounds]
+
+
+class Round(nn.Module):
+    """From places to better places.
+
+    Parameters
+    ----------
+    options
+        Sizes of the network.
+    first
+        Whether there is no token from a round before.
+    """
+
+    def __init__(self, options: GaiaSetOptions, *, first: bool) -> None:
+        super().__init__()
+        channels, width = options.channels, options.width
+        self.encoder = TemporalEncoder(channels)
+        n_features = 2 * channels + _TOKEN_FEATURES + (0 if first else width)
+        self.embed = _two_layers(n_features, width, width)
+        self.pair = nn.Sequential(*_two_layers(_PAIR_FEATURES, _PAIR, _PAIR), nn.GELU())
+        self.attention = nn.ModuleList(Attention(width) for _ in range(options.layers))
+        self.range_head = RangeHead(channels, width)
+        self.place_head = PlaceHead(width)
+
+    def forward(
+        self, scene: Scene, place: Tensor, before: Tensor | None, evidence: Tensor
+    ) -> RoundOutput:
+        """Return better places for tokens (B, M, 2), and all that goes with them."""
+        h, pooled = self.encoder(scene, place)  # (B, M, C, T), (B, M, 2C)
+        features = [pooled, token_features(scene, place), evidence]
+        if before is not None:
+            features.append(before)
+        token = self.embed(torch.cat(features, dim=-1))  # (B, M, D)
+        pair = self.pair(pair_features(scene, place))  # (B, M, M, P)
+        for layer in self.attention:
+            token = layer(token, pair, scene.observed)
+        delta, log_sigma, nlos_logit, gate = self.range_head(h, token)  # each (B, M, T)
+        prior, share = self.place_head(scene, place, token)
+        weight = scene.mask * torch.exp(-2 * log_sigma) * share
+        better, information = gauss_newton(scene, place, scene.range - delta, weight, prior)
+        error = (scene.range - delta - slant_m(scene, better)[0]).square()
+        tails = 0.5 * (_TAILS + 1) * torch.log1p(error * torch.exp(-2 * log_sigma) / _TAILS)
+        log_likelihood = -(scene.mask * (tails + log_sigma)).sum(dim=-1) * share.squeeze(-1)
+        return RoundOutput(
+            better, information, delta, log_sigma, nlos_logit, gate, token, log_likelihood
+        )
+
+
+class TemporalEncoder(nn.Module):
+    """Convolutions over the steps of every token, shared by all anchors and both sides.
+
+    Parameters
+    ----------
+    channels
+        Channels C.
+    """
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.enter = nn.Conv1d(_STEP_CHANNELS, channels, 1)
+        self.layers = nn.ModuleList(
+            nn.Conv1d(channels, channels, _KERNEL, padding=_KERNEL // 2 * d, dilation=d)
+            for d in _DILATIONS
+        )
+
+    def forward(self, scene: Scene, place: Tensor) -> tuple[Tensor, Tensor]:
+        """Return features of every step (B, M, C, T), and of the whole token (B, M, 2C)."""
+        x = step_features(scene, place)  # (B, M, T, F)
+        batch, tokens, steps, n_features = x.shape
+        h = functional.gelu(
+            self.enter(x.reshape(batch * tokens, steps, n_features).transpose(1, 2))
+        )
+        for layer in self.layers:
+            h = h + functional.gelu(layer(h))
+        h = h.reshape(batch, tokens, -1, steps)
+        mask = scene.mask.unsqueeze(2)
+        mean = (h * mask).sum(dim=-1) / mask.sum(dim=-1).clamp_min(1)
+        largest = (h * mask + (mask - 1) * 1e3).amax(dim=-1).clamp_min(-10.0)
+        return h, torch.cat([mean, largest], dim=-1)
+
+
+class Attention(nn.Module):
+    """Self-attention over the tokens of a scene; what one sees in another depends on the pair.
+
+    Parameters
+    ----------
+    width
+        Width D.
+    """
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.norm = nn.LayerNorm(width)
+        self.query_key_value = nn.Linear(width, 3 * width)
+        self.pair_bias = nn.Linear(_PAIR, _HEADS)
+        self.pair_value = nn.Linear(_PAIR, width)
+        self.out = nn.Linear(width, width)
+        self.feed_forward = nn.Sequential(
+            nn.LayerNorm(width), *_two_layers(width, 2 * width, width)
+        )
+
+    def forward(self, token: Tensor, pair: Tensor, observed: Tensor) -> Tensor:
+        """Return new tokens (B, M, D); tokens of anchors that were not observed are not seen."""
+        batch, tokens, width = token.shape
+        parts = self.query_key_value(self.norm(token))
+        parts = parts.reshape(batch, tokens, 3, _HEADS, width // _HEADS).permute(2, 0, 3, 1, 4)
+        query, key, value = parts[0], parts[1], parts[2]  # (B, heads, M, D / heads)
+        logit = query @ key.transpose(-1, -2) / math.sqrt(width // _HEADS)
+        logit = logit + self.pair_bias(pair).permute(0, 3, 1, 2)
+        logit = logit + (1 - observed[:, None, None, :]) * _NOTHING
+        share = logit.softmax(dim=-1)  # (B, heads, M, M)
+        shape = (batch, tokens, tokens, _HEADS, width // _HEADS)
+        seen = share @ value + torch.einsum(
+            "bhij,bijhd->bhid", share, self.pair_value(pair).reshape(shape)
+        )
+        token = token + self.out(seen.permute(0, 2, 1, 3).reshape(batch, tokens, width))
+        better: Tensor = token + self.feed_forward(token)
+        return better
+
+
+class RangeHead(nn.Module):
+    """What is wrong with each range, given the token's place.
+
+    Parameters
+    ----------
+    channels, width
+        C and D.
+    """
+
+    def __init__(self, channels: int, width: int) -> None:
+        super().__init__()
+        self.from_step = nn.Conv1d(channels, channels, 1)
+        self.from_token = nn.Linear(width, channels)
+        self.out = nn.Conv1d(channels, 4, 1)
+        # No correction, 0.2 m, line of sight, the corrected range itself.
+        _begin_with(self.out, 0.0, -1.5, -1.0, 2.0)
+
+    def forward(self, h: Tensor, token: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Return correction, log sigma, NLOS logit and gate, each (B, M, T)."""
+        batch, tokens, channels, steps = h.shape
+        x = self.from_step(h.reshape(batch * tokens, channels, steps))
+        x = functional.gelu(x + self.from_token(token).reshape(batch * tokens, channels, 1))
+        delta, log_sigma, nlos_logit, gate = self.out(x).reshape(batch, tokens, 4, steps).unbind(2)
+        return delta, log_sigma.clamp(-5.0, 3.0), nlos_logit, torch.sigmoid(gate)
+
+
+class Prior(NamedTuple):
+    """Where a token's anchor would stand without its ranges: a Gaussian, in the token's frame."""
+
+    mean: Tensor  # (B, M, 2)
+    information: Tensor  # (B, M, 3)
+
+
+class PlaceHead(nn.Module):
+    """Where such an anchor stands beside such a road, and what its ranges are worth.
+
+    Parameters
+    ----------
+    width
+        Width D.
+    """
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(nn.LayerNorm(width), *_two_layers(width, width, 7))
+        # Hardly any prior, at the solver's place.
+        _begin_with(self.layers[-1], 0.0, 0.0, -2.0, -2.0, 0.0, 0.0, 2.0)
+
+    def forward(self, scene: Scene, place: Tensor, token: Tensor) -> tuple[Prior, Tensor]:
+        """Return the prior, and which share of the ranges' information counts (B, M, 1)."""
+        ahead, across, log_along, log_left, correlation, share, keep = self.layers(token).unbind(-1)
+        along = (place[..., 0] + 5 * ahead).clamp(-_FARTHEST_M, _FARTHEST_M)
+        # Beside the road: some of the present distance from it, and an absolute one.
+        off_road = torch.sigmoid(keep) * off_road_m(scene, place) + 5 * across
+        mean = torch.stack([along, road_left_m(scene, along) + off_road], dim=-1)
+        aa, ll = torch.exp(log_along.clamp(-9.0, 7.0)), torch.exp(log_left.clamp(-9.0, 7.0))
+        al = 0.95 * torch.tanh(correlation) * torch.sqrt(aa * ll)
+        information = torch.stack([aa, al, ll], dim=-1)
+        return Prior(mean, information), torch.sigmoid(share - 1).unsqueeze(-1)
+
+
+class SideHead(nn.Module):
+    """The joint probability of the sides.
+
+    Parameters
+    ----------
+    width
+        Width D.
+    """
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.scene = _two_layers(2 * width, width, 1)
+        self.anchor = _two_layers(2 * width + 2, width, 1)
+        self.own = _two_layers(3 * width + 2, width, 1)
+        nn.init.zeros_(self.scene[-1].weight)  # type: ignore[arg-type]  # a linear layer's
+        _begin_with(self.own[-1], 1.5)  # anchors stand on the zone's side
+
+    def forward(self, token: Tensor, evidence: Tensor, observed: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the scene's logit (B,) and the anchors' own (B, N, 2)."""
+        tokens, ev = _by_side(token), _by_side(evidence)  # (B, N, 2, D), (B, N, 2, 2)
+        live = _by_side(observed.unsqueeze(-1))[:, :, 0]  # (B, N, 1)
+        mean = (tokens * live.unsqueeze(2)).sum(dim=1) / live.sum(dim=1).clamp_min(1).unsqueeze(1)
+        both = torch.cat([tokens, tokens.flip(2)], dim=-1)  # own side, other side
+        scene = self.scene(torch.cat([mean, mean.flip(1)], dim=-1)).squeeze(-1)  # (B, 2)
+        anchor = self.anchor(torch.cat([both, ev], dim=-1)).squeeze(-1)  # (B, N, 2)
+        # What speaks for a side speaks against the other; anchors add up.
+        scene_logit = scene[:, 0] - scene[:, 1]
+        scene_logit = scene_logit + ((anchor[..., 0] - anchor[..., 1]) * live.squeeze(-1)).sum(
+            dim=1
+        )
+        around = mean.unsqueeze(1).expand(-1, tokens.shape[1], -1, -1)
+        own = self.own(torch.cat([both, around, ev], dim=-1)).squeeze(-1)
+        return scene_logit, own
+
+
+def make_scene(inputs: SetInputs) -> Scene:
+    """Lay the inputs out for the tokens, each in its own frame."""
+    ones = torch.ones_like(inputs.range[:, :, 0])  # (B, N)
+    side = torch.cat([ones, -ones], dim=1)  # (B, M)
+    flip = _flip(side).unsqueeze(2)  # (B, M, 1, 2)
+
+    def twice(values: Tensor) -> Tensor:
+        return torch.cat([values, values], dim=1)
+
+    count = inputs.mask.sum(dim=-1)
+    apart = torch.sqrt((inputs.start[:, :, 0] - inputs.start[:, :, 1]).square().sum(dim=-1) + 1e-4)
+    mean_m = (inputs.range * inputs.mask).sum(dim=-1) / count.clamp_min(1)
+    both = torch.stack(
+        [
+            count.clamp_min(1).log() / 4,
+            mean_m.clamp_min(0.1).log() / 4,
+            (apart + 0.01).log() / 3,
+            inputs.height_gap.mean(dim=-1),
+        ],
+        dim=-1,
+    )  # (B, N, 4)
+    fits = _to_tokens(inputs.fit)  # (B, M, 4)
+    better = fits[..., :1]
+    observed = (count > 0).to(inputs.range.dtype)
+    even = inputs.path_even / inputs.path_even.new_tensor([3.0, 3.0, 2.0, 15.0, 5.0, 1.0])
+    odd = inputs.path_odd.unsqueeze(1) * side.unsqueeze(-1)  # (B, M, 5)
+    known = torch.cat(
+        [
+            *(torch.tanh(better / scale) for scale in (1.0, 5.0, 25.0)),
+            fits[..., 1:2] / 2,
+            torch.tanh(fits[..., 2:3] / 0.2),
+            fits[..., 3:4] / 2,
+            twice(both),
+            twice(observed).unsqueeze(-1),
+            even.unsqueeze(1).expand(-1, side.shape[1], -1),
+            torch.tanh(odd / 2),
+            torch.tanh(odd / 20),
+        ],
+        dim=-1,
+    )
+    n = inputs.range.shape[1]
+    number = torch.arange(n, device=inputs.range.device)
+    number = torch.cat([number, number])
+    one_side = (side[0].unsqueeze(1) * side[0].unsqueeze(0) + 1) / 2
+    one_anchor = (number.unsqueeze(1) == number.unsqueeze(0)).to(inputs.range.dtype)
+    return Scene(
+        side=side,
+        path=inputs.position.unsqueeze(1) * flip,
+        velocity=inputs.velocity.unsqueeze(1) * flip,
+        range=twice(inputs.range),
+        mask=twice(inputs.mask),
+        gap=twice(inputs.height_gap),
+        road=inputs.road.unsqueeze(1) * side.unsqueeze(-1),
+        known=known,
+        step=inputs.step.reshape(-1, 1, 1, 1),
+        observed=twice(observed),
+        kin=torch.stack([one_side, one_anchor, one_side * one_anchor], dim=-1),
+    )
+
+
+def slant_m(scene: Scene, place: Tensor) -> tuple[Tensor, Tensor]:
+    """Return slant distances (B, M, T) of places, and place minus path (B, M, T, 2)."""
+    off = place.unsqueeze(2) - scene.path
+    return torch.sqrt(off.square().sum(dim=-1) + scene.gap.square() + _LEAST_SQUARE_M2), off
+
+
+def road_left_m(scene: Scene, along: Tensor) -> Tensor:
+    """Return where the road's parabola is at ``along`` (B, M), in the tokens' frames."""
+    return scene.road[..., 0] + scene.road[..., 1] * along + scene.road[..., 2] * along.square()
+
+
+def off_road_m(scene: Scene, place: Tensor) -> Tensor:
+    """Return how far places stand off the road, towards the token's side (B, M)."""
+    return place[..., 1] - road_left_m(scene, place[..., 0])
+
+
+def step_features(scene: Scene, place: Tensor) -> Tensor:
+    """Return what an anchor at a place would leave unexplained at each step (B, M, T, 17)."""
+    distance, off = slant_m(scene, place)
+    residual = (scene.range - distance) * scene.mask
+    speed = torch.sqrt(scene.velocity.square().sum(dim=-1) + 1e-6)
+    left = scene.path[..., 1]
+    return torch.cat(
+        [
+            _squashed(residual, 0.1, 0.5, 2.0, 10.0),
+            scene.mask.unsqueeze(-1),
+            off / distance.unsqueeze(-1),
+            torch.log1p(scene.range.clamp_min(0)).unsqueeze(-1) / 5,
+            _squashed(left, 1.0, 5.0, 25.0),
+            scene.path[..., :1] / 50,
+            scene.velocity / 10,
+            3 * scene.velocity[..., 1:] / (speed.unsqueeze(-1) + 0.1),
+            scene.step.expand(*residual.shape, 1),
+            _squashed(off[..., 1], 3.0),
+        ],
+        dim=-1,
+    )
+
+
+def token_features(scene: Scene, place: Tensor) -> Tensor:
+    """Return what is known of a token as a whole, less the evidence (B, M, 40)."""
+    off_road = off_road_m(scene, place)
+    slope = scene.road[..., 1] + 2 * scene.road[..., 2] * place[..., 0]
+    return torch.cat(
+        [
+            _squashed(off_road, 1.0, 3.0, 10.0, 40.0),
+            (off_road / 10).clamp(-5.0, 5.0).unsqueeze(-1),
+            slope.clamp(-2.0, 2.0).unsqueeze(-1),
+            place[..., :1] / 100,
+            _squashed(place[..., 1], 1.0, 3.0, 10.0, 40.0),
+            _squashed(place[..., 0], 10.0, 50.0),
+            scene.known,
+        ],
+        dim=-1,
+    )
+
+
+def pair_features(scene: Scene, place: Tensor) -> Tensor:
+    """Return how token j stands to token i, in the frame of i (B, M, M, 15)."""
+    common_left = place[..., 1] * scene.side
+    ahead = place[..., 0].unsqueeze(1) - place[..., 0].unsqueeze(2)  # (B, i, j)
+    left = common_left.unsqueeze(1) - common_left.unsqueeze(2)
+    off_road = off_road_m(scene, place) * scene.side
+    across = (off_road.unsqueeze(1) - off_road.unsqueeze(2)) * scene.side.unsqueeze(2)
+    apart = torch.sqrt(ahead.square() + left.square() + 1e-4)
+    return torch.cat(
+        [
+            _squashed(ahead, 2.0, 8.0, 30.0, 120.0),
+            _squashed(across, 1.0, 3.0, 10.0, 40.0),
+            _squashed(ahead.abs(), 2.0, 8.0, 30.0),
+            (apart + 0.1).log().unsqueeze(-1) / 3,
+            scene.kin.unsqueeze(0).expand(ahead.shape[0], -1, -1, -1),
+        ],
+        dim=-1,
+    )
+
+
+def gauss_newton(
+    scene: Scene, place: Tensor, range_m: Tensor, weight: Tensor, prior: Prior
+) -> tuple[Tensor, Tensor]:
+    """Find the places that corrected ranges and priors agree on.
+
+    Parameters
+    ----------
+    scene
+        Paths and heights.
+    place : (B, M, 2)
+        Where to begin.
+    range_m, weight : (B, M, T)
+        Corrected ranges, and what each is worth (1 / variance), 0 where there is none.
+    prior
+        Of the places.
+
+    Returns
+    -------
+    place : (B, M, 2)
+        In the tokens' frames.
+    information : (B, M, 3)
+        Inverse covariance there.
+    """
+    p_aa, p_al, p_ll = prior.information.unbind(-1)
+    for _ in range(_NEWTON_STEPS):
+        distance, off = slant_m(scene, place)
+        unit_a, unit_l = (off / distance.unsqueeze(-1)).unbind(-1)
+        error = range_m - distance
+        pull_a, pull_l = weight * unit_a, weight * unit_l
+        aa = (pull_a * unit_a).sum(dim=-1) + p_aa
+        al = (pull_a * unit_l).sum(dim=-1) + p_al
+        ll = (pull_l * unit_l).sum(dim=-1) + p_ll
+        to_prior = prior.mean - place
+        force_a = (pull_a * error).sum(dim=-1) + p_aa * to_prior[..., 0] + p_al * to_prior[..., 1]
+        force_l = (pull_l * error).sum(dim=-1) + p_al * to_prior[..., 0] + p_ll * to_prior[..., 1]
+        determinant = (aa * ll - al * al).clamp_min(1e-9)
+        step = torch.stack([ll * force_a - al * force_l, aa * force_l - al * force_a], dim=-1)
+        step = step / determinant.unsqueeze(-1)
+        length = torch.sqrt(step.square().sum(dim=-1, keepdim=True) + 1e-12)
+        place = place + step * (_LONGEST_STEP_M / length.clamp_min(_LONGEST_STEP_M))
+    return place, torch.stack([aa, al, ll], dim=-1)
+
+
+def side_probability(scene_logit: Tensor, side_logit: Tensor) -> Tensor:
+    """Return the probability that an anchor stands on the left (B, N)."""
+    left = torch.sigmoid(scene_logit).unsqueeze(1)
+    own = torch.sigmoid(side_logit)
+    return left * own[..., 0] + (1 - left) * (1 - own[..., 1])
+
+
+def _prediction(
+    scene: Scene, out: RoundOutput, scene_logit: Tensor, side_logit: Tensor
+) -> ZonePrediction:
+    """Bring a round's output into the path's frame; the sides' ranges count by probability."""
+    place = _by_side(out.place * _flip(scene.side))
+    information = out.information * torch.stack(
+        [torch.ones_like(scene.side), scene.side, torch.ones_like(scene.side)], dim=-1
+    )
+    left = side_probability(scene_logit, side_logit).detach().unsqueeze(-1)  # (B, N, 1)
+    corrected = scene.range - out.delta
+    fused = out.gate * corrected + (1 - out.gate) * slant_m(scene, out.place)[0]
+
+    def blend(values: Tensor) -> Tensor:
+        n = values.shape[1] // 2
+        return left * values[:, :n] + (1 - left) * values[:, n:]
+
+    return ZonePrediction(
+        range=blend(fused),
+        corrected=blend(corrected),
+        log_sigma=blend(out.log_sigma),
+        nlos_logit=blend(out.nlos_logit),
+        place=place,
+        information=_by_side(information),
+        scene_logit=scene_logit,
+        side_logit=side_logit,
+    )
+
+
+def _evidence(better: Tensor) -> Tensor:
+    """Return by how much a side fits better (B, N, 2), as features of the tokens (B, M, 2)."""
+    return _to_tokens(torch.stack([torch.tanh(better / 2), torch.tanh(better / 10)], dim=-1))
+
+
+def _flip(side: Tensor) -> Tensor:
+    """Return what mirrors (along, left) for tokens on the right (B, M, 2)."""
+    return torch.stack([torch.ones_like(side), side], dim=-1)
+
+
+def _to_tokens(values: Tensor) -> Tensor:
+    """Return (B, N, 2, F) as (B, M, F): all left ones first."""
+    return torch.cat([values[:, :, 0], values[:, :, 1]], dim=1)
+
+
+def _by_side(values: Tensor) -> Tensor:
+    """Return (B, M, F) as (B, N, 2, F)."""
+    n = values.shape[1] // 2
+    return torch.stack([values[:, :n], values[:, n:]], dim=2)
+
+
+def _squashed(values: Tensor, *scales: float) -> Tensor:
+    """Return values on several scales, each between -1 and 1, along a new last axis."""
+    return torch.stack([torch.tanh(values / scale) for scale in scales], dim=-1)
+
+
+def _begin_with(layer: nn.Module, *outputs: float) -> None:
+    """Let a layer give these outputs before any training, whatever its inputs."""
+    nn.init.zeros_(layer.weight)  # type: ignore[arg-type]  # the layer is linear or a convolution
+    layer.bias = nn.Parameter(torch.tensor(outputs))
+
+
+def _two_layers(n_in: int, hidden: int, n_out: int) -> nn.Sequential:
+    return nn.Sequential(nn.Linear(n_in, hidden), nn.GELU(), nn.Linear(hidden, n_out))

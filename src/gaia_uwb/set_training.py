@@ -1,0 +1,285 @@
+"""Train ``gaia-set``: an endless stream of simulated scenes, one readable loop.
+
+After every portion the whole state is written. What a portion does depends only on the seed, its
+number and that state, so a training that was killed and started again ends with the same weights
+as one that was not, on the same machine and number of threads.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from gaia_uwb.checkpoint import CARD, DESCRIPTION, ONNX, WEIGHTS, pack, seal, unpack
+from gaia_uwb.errors import ConfigError
+from gaia_uwb.files import OutputFolder
+from gaia_uwb.loss_plots import plot_losses
+from gaia_uwb.model import GaiaSetOptions, SetModelDescription, SetTrainingOptions
+from gaia_uwb.model_card import set_model_card
+from gaia_uwb.networks.gaia_set import GaiaSet
+from gaia_uwb.networks.set_export import export_set_onnx
+from gaia_uwb.networks.set_losses import (
+    ZoneTargets,
+    place_log_density,
+    wrong_side_share,
+    zone_losses,
+)
+from gaia_uwb.plots import figure_png
+from gaia_uwb.zone_episodes import MIX, ZoneBatch, training_portion, validation_portion
+
+__all__ = ["SetTask", "train_set"]
+
+STATE = "training-state.safetensors"
+LOG = "training-log.jsonl"
+CURVES = "loss-curves.png"
+
+_ELLIPSE_SHARE = 0.9
+_CHI2_90 = -2.0 * math.log(1 - _ELLIPSE_SHARE)  # with two degrees of freedom
+_CALIBRATED_ON = "wild"
+
+Progress = Callable[[Iterable[int], int], Iterable[int]]
+"""Goes through portions, given how many are done already."""
+
+
+@dataclass(frozen=True)
+class SetTask:
+    """What to train, and how.
+
+    Parameters
+    ----------
+    network
+        Sizes.
+    training
+        How.
+    version
+        Of the package.
+    """
+
+    network: GaiaSetOptions
+    training: SetTrainingOptions
+    version: str
+
+
+def train_set(
+    task: SetTask,
+    folder: OutputFolder,
+    *,
+    progress: Progress = lambda portions, done: portions,
+) -> SetModelDescription:
+    """Train a network and write it with all that belongs to it; go on where a run was stopped.
+
+    Parameters
+    ----------
+    task
+        What to do.
+    folder
+        Where the model, the log of every loss term and the state are written.
+    progress
+        A progress bar may stand here.
+
+    Raises
+    ------
+    ConfigError
+        If the folder holds the state of another task, the loss grows beyond all numbers, or a file
+        cannot be written.
+    """
+    run = _Run(task, folder)
+    done = run.resume()
+    for portion in progress(range(done, task.training.portions), done):
+        run.portion(portion)
+    return run.finish()
+
+
+class _Run:
+    """One training run: network, optimiser, and its files."""
+
+    def __init__(self, task: SetTask, folder: OutputFolder) -> None:
+        self.task, self.folder, self.options = task, folder, task.training
+        self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(self.options.seed)
+            self.network = GaiaSet(task.network)
+        self.network.to(self.device)
+        self.optimiser = torch.optim.AdamW(
+            self.network.parameters(),
+            lr=self.options.learning_rate,
+            weight_decay=self.options.weight_decay,
+        )
+        self.validation = {
+            kind: validation_portion(kind, self.options.validation_episodes) for kind in MIX
+        }
+        self.steps = 0
+        self.log: list[dict[str, Any]] = []
+        description = [task.network.model_dump_json(), self.options.model_dump_json(), str(MIX)]
+        self.key = sha256("\n".join(description).encode()).hexdigest()
+
+    def portion(self, number: int) -> None:
+        """Go through new scenes once, validate, and write the state."""
+        batches = training_portion(self.options.seed, number, self.options.portion_episodes)
+        self.network.train()
+        sums: dict[str, float] = {}
+        for k, batch in enumerate(batches):
+            self._set_rate((number + k / len(batches)) / self.options.portions)
+            terms = self._losses(batch)
+            self.optimiser.zero_grad(set_to_none=True)
+            terms["total"].backward()  # type: ignore[no-untyped-call]
+            norm = nn.utils.clip_grad_norm_(self.network.parameters(), self.options.gradient_norm)
+            if bool(torch.isfinite(norm)):  # one degenerate scene must not end a training
+                self.optimiser.step()
+            self.steps += 1
+            for name, value in terms.items():
+                sums[name] = sums.get(name, 0.0) + batch.n_episodes * value.item()
+        n = sum(batch.n_episodes for batch in batches)
+        validated = {kind: self._validate(own) for kind, own in self.validation.items()}
+        total = float(np.mean([terms["total"] for terms in validated.values()]))
+        if not math.isfinite(total):
+            raise ConfigError(
+                f"{self.folder.path}: the loss is {total} after portion {number}: lower the "
+                "learning rate"
+            )
+        self.log.append(
+            {
+                "epoch": number,
+                "training": {name: value / n for name, value in sums.items()},
+                "validation": {
+                    name: float(np.mean([terms[name] for terms in validated.values()]))
+                    for name in validated[next(iter(MIX))]
+                },
+                "kinds": validated,
+            }
+        )
+        self._write_state()
+
+    def _set_rate(self, done: float) -> None:
+        warm = min(1.0, (self.steps + 1) / max(1, self.options.warm_up_steps))
+        rate = self.options.learning_rate * warm * 0.5 * (1 + math.cos(math.pi * done))
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+
+    def _losses(self, batch: ZoneBatch) -> dict[str, Tensor]:
+        inputs, targets = self._tensors(batch)
+        return zone_losses(self.network.predictions(*inputs), inputs[3], targets)
+
+    def _tensors(self, batch: ZoneBatch) -> tuple[list[Tensor], ZoneTargets]:
+        inputs = [torch.from_numpy(values).to(self.device) for values in batch.inputs]
+        truth = (batch.anchor_m, batch.range_m, batch.nlos)
+        targets = (torch.from_numpy(values).float().to(self.device) for values in truth)
+        return inputs, ZoneTargets(*targets)
+
+    @torch.no_grad()
+    def _validate(self, batches: Sequence[ZoneBatch]) -> dict[str, float]:
+        """Return every term's mean over validation scenes, and the share of wrong sides."""
+        self.network.eval()
+        sums: dict[str, float] = {}
+        for batch in batches:
+            inputs, targets = self._tensors(batch)
+            predictions = self.network.predictions(*inputs)
+            terms = zone_losses(predictions, inputs[3], targets)
+            observed = inputs[3].amax(dim=-1)
+            terms["wrong_side_share"] = wrong_side_share(predictions[-1], targets.anchor, observed)
+            for name, value in terms.items():
+                sums[name] = sums.get(name, 0.0) + batch.n_episodes * value.item()
+        n = sum(batch.n_episodes for batch in batches)
+        return {name: value / n for name, value in sums.items()}
+
+    def _write_state(self) -> None:
+        """Write the log, and then all that the next portion depends on."""
+        # In this order: whoever is killed in between does the portion again and writes it anew.
+        self.folder.write_text(LOG, "".join(json.dumps(line) + "\n" for line in self.log))
+        tensors = {f"network.{name}": value for name, value in self.network.state_dict().items()}
+        for index, moments in self.optimiser.state_dict()["state"].items():
+            tensors |= {f"optimiser.{index}.{name}": value for name, value in moments.items()}
+        arrays = {name: value.cpu().numpy() for name, value in tensors.items()}
+        note = json.dumps({"key": self.key, "log": self.log, "steps": self.steps}).encode()
+        arrays["note"] = np.frombuffer(note, dtype=np.uint8)
+        self.folder.write_bytes(STATE, pack(arrays))
+
+    def resume(self) -> int:
+        """Take up the state that an earlier run left, and return how many portions are done."""
+        path = self.folder.path / STATE
+        if not path.is_file():
+            return 0
+        arrays = unpack(path.read_bytes(), str(path))
+        if "note" not in arrays:
+            raise ConfigError(f"{path}: no state of a training; remove it")
+        note = json.loads(arrays.pop("note").tobytes())
+        if note["key"] != self.key:
+            raise ConfigError(
+                f"{path}: belongs to another training (other sizes or settings); remove it or "
+                "choose another folder"
+            )
+        network: dict[str, Tensor] = {}
+        moments: dict[int, dict[str, Tensor]] = {}
+        for name, value in arrays.items():
+            part, _, key = name.partition(".")
+            tensor = torch.from_numpy(value.copy())
+            if part == "network":
+                network[key] = tensor
+            else:
+                index, _, moment = key.partition(".")
+                moments.setdefault(int(index), {})[moment] = tensor
+        self.network.load_state_dict(network)
+        groups = self.optimiser.state_dict()["param_groups"]
+        self.optimiser.load_state_dict({"state": moments, "param_groups": groups})
+        self.log, self.steps = note["log"], note["steps"]
+        return len(self.log)
+
+    @torch.no_grad()
+    def _ellipse_scale(self) -> float:
+        """Return what makes 90 % of the 90 % ellipses of validation scenes hold their anchor."""
+        self.network.eval()
+        squares = []
+        for batch in self.validation[_CALIBRATED_ON]:
+            inputs, targets = self._tensors(batch)
+            prediction = self.network(*inputs)
+            # The place that explains the anchor better: an ellipse is right given the side.
+            density = place_log_density(prediction, targets.anchor)
+            off = targets.anchor.unsqueeze(2) - prediction.place
+            aa, al, ll = prediction.information.unbind(-1)
+            square = aa * off[..., 0] ** 2 + 2 * al * off[..., 0] * off[..., 1]
+            square = square + ll * off[..., 1] ** 2
+            better = square.gather(-1, density.argmax(dim=-1, keepdim=True)).squeeze(-1)
+            squares.append(better[inputs[3].amax(dim=-1) > 0])
+        return float(torch.quantile(torch.cat(squares), _ELLIPSE_SHARE)) / _CHI2_90
+
+    def finish(self) -> SetModelDescription:
+        """Write the model with all that belongs to it."""
+        self.network.eval().cpu()
+        self.device = torch.device("cpu")
+        weights = pack({name: value.numpy() for name, value in self.network.state_dict().items()})
+        onnx = export_set_onnx(self.network)
+        shares = ", ".join(f"{share:.0%} {kind}" for kind, share in MIX.items())
+        n_scenes = self.options.portions * self.options.portion_episodes
+        description = SetModelDescription(
+            schema=1,
+            network=self.task.network,
+            ellipse_scale=round(self._ellipse_scale(), 6),
+            data={
+                "source": "sim:mixed",
+                "training": f"{n_scenes} scenes, none twice: {shares}; training layouts only",
+                "validation": f"{self.options.validation_episodes} scenes of each kind",
+            },
+            training=self.options,
+            metrics={
+                f"{kind}_{name}": round(value, 6)
+                for kind, terms in self.log[-1]["kinds"].items()
+                for name, value in terms.items()
+            },
+            version=self.task.version,
+        )
+        description = seal(description, {ONNX: onnx, WEIGHTS: weights})
+        self.folder.write_bytes(WEIGHTS, weights)
+        self.folder.write_bytes(ONNX, onnx)
+        self.folder.write_bytes(CURVES, figure_png(plot_losses(self.log, "portion")))
+        self.folder.write_text(CARD, set_model_card(description))
+        text = description.model_dump_json(by_alias=True, indent=2) + "\n"
+        self.folder.write_text(DESCRIPTION, text)
+        return description

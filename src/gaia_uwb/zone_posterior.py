@@ -1,0 +1,69 @@
+"""What a denoiser that knows work zones says of all anchors of one together.
+
+A mixture of two scene hypotheses, "left" and "right", given each of which the anchors choose one of
+their two places independently. So that the sides of all anchors are open, but not which of them
+stand together, is one statement and not many.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gaia_uwb._checks import check_finite, check_shape, freeze
+from gaia_uwb._typing import Array, Bool, Float64
+from gaia_uwb.errors import InputError
+
+
+@dataclass(frozen=True)
+class ZonePosterior:
+    """Places of N anchors, and the joint probability of their sides.
+
+    Parameters
+    ----------
+    place_m : (N, 2, 2)
+        Anchor, place (left of the path, right of it), (east, north) in metres.
+    covariance_m2 : (N, 2, 2, 2)
+        Covariance of each place, given that the anchor stands there.
+    scene_probability : (2,)
+        Of the two scene hypotheses; they add up to 1.
+    left_probability : (2, N)
+        Under each hypothesis, of each anchor's standing at its left place.
+    located : (N,)
+        False where an anchor has no range: its places mean nothing.
+
+    Raises
+    ------
+    InputError
+        If shapes disagree, a number is not finite, or a probability is none.
+    """
+
+    place_m: Float64[Array, "N 2 2"]
+    covariance_m2: Float64[Array, "N 2 2 2"]
+    scene_probability: Float64[Array, "2"]
+    left_probability: Float64[Array, "2 N"]
+    located: Bool[Array, "N"]
+
+    def __post_init__(self) -> None:
+        n = len(self.place_m)
+        shapes = {
+            "place_m": (n, 2, 2),
+            "covariance_m2": (n, 2, 2, 2),
+            "scene_probability": (2,),
+            "left_probability": (2, n),
+        }
+        for name, shape in shapes.items():
+            array = freeze(self, name, getattr(self, name), np.float64)
+            check_shape(name, array, shape)
+            check_finite(name, array)
+        check_shape("located", freeze(self, "located", self.located, np.bool_), (n,))
+        for name in ("scene_probability", "left_probability"):
+            array = getattr(self, name)
+            if array.size and not (array.min() >= 0.0 and array.max() <= 1.0):
+                raise InputError(f"expected probabilities, got {array}", column=name)
+        if abs(self.scene_probability.sum() - 1.0) > 1e-9:
+            raise InputError(
+                f"expected probabilities that add up to 1, got {self.scene_probability}",
+                column="scene_probability",
+            )

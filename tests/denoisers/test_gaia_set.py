@@ -1,0 +1,115 @@
+"""The denoiser with a network that was hardly trained: what it promises holds for any weights."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
+
+from gaia_uwb.checkpoint import DESCRIPTION, ONNX
+from gaia_uwb.denoisers import make_denoiser
+from gaia_uwb.denoisers.gaia_set import _LONGEST
+from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.errors import ConfigError
+from gaia_uwb.simulate import find_preset, simulate_episodes
+from tiny_models import make_run, train_tiny_set
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("gaia-set")
+    train_tiny_set(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def episodes() -> list[Episode]:
+    return list(simulate_episodes(find_preset("wild-test"), 6, seed=1))
+
+
+def denoise(model: Path, episodes: list[Episode]) -> list[DenoisedRanges]:
+    return make_denoiser(f"gaia-set:{model}")([episode.without_truth() for episode in episodes])
+
+
+def moved(episode: Episode) -> Episode:
+    turn = np.array([[0.6, 0.8], [-0.8, 0.6]])
+    return replace(episode, position_m=episode.position_m @ turn + [500.0, -80.0], truth=None)
+
+
+def test_each_result_is_what_the_episode_alone_gives(model: Path, episodes: list[Episode]) -> None:
+    for together, episode in zip(denoise(model, episodes), episodes, strict=True):
+        (alone,) = denoise(model, [episode])
+        np.testing.assert_allclose(together.range_m, alone.range_m, atol=1e-4)
+        assert together.zone is not None and alone.zone is not None
+        np.testing.assert_allclose(together.zone.place_m, alone.zone.place_m, atol=5e-3)
+
+
+def test_places_move_and_turn_with_the_scene(model: Path, episodes: list[Episode]) -> None:
+    turn = np.array([[0.6, 0.8], [-0.8, 0.6]])
+    here, there = denoise(model, episodes), denoise(model, list(map(moved, episodes)))
+    for a, b in zip(here, there, strict=True):
+        assert a.zone is not None and b.zone is not None
+        np.testing.assert_allclose(b.range_m, a.range_m, atol=5e-3)
+        np.testing.assert_allclose(
+            b.zone.place_m, a.zone.place_m @ turn + [500.0, -80.0], atol=0.05
+        )
+        np.testing.assert_allclose(
+            b.zone.covariance_m2, turn.T @ a.zone.covariance_m2 @ turn, rtol=0.02, atol=1e-3
+        )
+
+
+def test_ranges_are_where_they_were_measured_and_never_negative(
+    model: Path, episodes: list[Episode]
+) -> None:
+    for found, episode in zip(denoise(model, episodes), episodes, strict=True):
+        np.testing.assert_array_equal(found.valid, episode.valid)
+        assert (found.range_m[found.valid] >= 0).all()
+
+
+def test_an_anchor_with_hardly_a_range_keeps_them(model: Path, episodes: list[Episode]) -> None:
+    episode = episodes[0]
+    valid = episode.valid.copy()
+    valid[:, 0] = False
+    valid[[5, 9], 0] = episode.valid[[5, 9], 0] | True
+    range_m = np.where(valid, np.nan_to_num(episode.range_m, nan=250.0), np.nan)
+    (found,) = denoise(model, [replace(episode, range_m=range_m, valid=valid)])
+    np.testing.assert_array_equal(found.range_m[valid[:, 0], 0], range_m[valid[:, 0], 0])
+
+
+@pytest.mark.parametrize("n_steps", [1, 2, 3, 64, 700])
+def test_any_length(model: Path, n_steps: int) -> None:
+    run = make_run(7, n_steps=n_steps, missing=0.3)
+    (found,) = denoise(model, [run])
+    np.testing.assert_array_equal(found.valid, run.valid)
+    assert (found.zone is not None) is (3 <= n_steps <= 512)
+
+
+def test_what_is_too_long_is_cut_into_windows_without_seams(model: Path) -> None:
+    run = make_run(3, n_steps=_LONGEST + 100, missing=0.3)
+    (found,) = denoise(model, [run])
+    np.testing.assert_array_equal(found.valid, run.valid)
+    assert found.zone is None
+    middle = slice(2000, 2010)
+    assert np.nanmax(np.abs(np.diff(found.range_m[middle] - run.range_m[middle], axis=0))) < 0.5
+
+
+@pytest.mark.parametrize("harm", ["missing", "damaged", "of another kind"])
+def test_a_wrong_model_is_refused_in_one_line(model: Path, tmp_path: Path, harm: str) -> None:
+    folder = tmp_path / "model"
+    shutil.copytree(model, folder)
+    if harm == "missing":
+        (folder / ONNX).unlink()
+    elif harm == "damaged":
+        content = (folder / ONNX).read_bytes()
+        (folder / ONNX).write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    else:
+        text = (folder / DESCRIPTION).read_text(encoding="utf-8")
+        (folder / DESCRIPTION).write_text(text.replace("gaia-set", "gaia"), encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        make_denoiser(f"gaia-set:{folder}")
+    assert str(folder) in str(caught.value) and "\n" not in str(caught.value)

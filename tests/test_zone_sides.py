@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gaia_uwb.estimate import AnchorStatus
+from gaia_uwb.sides import Decision
+from gaia_uwb.zone_posterior import ZonePosterior
+from gaia_uwb.zone_sides import decide_zone
+
+RANGES = np.full(20, 50)
+
+
+def zone(scene: float, left: np.ndarray, located: np.ndarray | None = None) -> ZonePosterior:
+    """Return anchors 10 m apart along the path, 5 m left or right of it."""
+    n = left.shape[1]
+    along = 10.0 * np.arange(n)
+    place = np.stack([np.stack([along, np.full(n, s * 5.0)], axis=-1) for s in (1, -1)], axis=1)
+    return ZonePosterior(
+        place_m=place,
+        covariance_m2=np.broadcast_to(0.04 * np.eye(2), (n, 2, 2, 2)),
+        scene_probability=np.array([scene, 1 - scene]),
+        left_probability=left,
+        located=np.ones(n, dtype=bool) if located is None else located,
+    )
+
+
+def both(n: int, stays: float) -> np.ndarray:
+    """Return that under each hypothesis anchors stand on its side with some probability."""
+    return np.stack([np.full(n, stays), np.full(n, 1 - stays)])
+
+
+def decide(one: ZonePosterior) -> Decision:
+    n = len(one.located)
+    return decide_zone([f"c{k}" for k in range(n)], one, RANGES[:n])
+
+
+def test_an_undecided_zone_keeps_its_anchors_together() -> None:
+    decision = decide(zone(0.5, both(6, 0.999)))
+    sides = {np.sign(fix.position_m[1]) for fix in decision.anchors}
+    assert len(sides) == 1
+    for fix in decision.anchors:
+        assert fix.mirror_probability == pytest.approx(0.5, abs=0.01)
+        assert fix.status is AnchorStatus.AMBIGUOUS
+    # Two combinations hold nearly all of the probability: all left, all right.
+    assert decision.combinations.weight[:2].sum() > 0.98
+    assert {tuple(side) for side in decision.combinations.side[:2].tolist()} == {(0,) * 6, (1,) * 6}
+
+
+def test_a_decided_zone_is_ok_and_its_mirror_has_its_own_ellipse() -> None:
+    decision = decide(zone(0.001, both(3, 0.9999)))
+    for k, fix in enumerate(decision.anchors):
+        np.testing.assert_allclose(fix.position_m, [10.0 * k, -5.0])
+        np.testing.assert_allclose(fix.mirror_position_m, [10.0 * k, 5.0])
+        np.testing.assert_allclose(fix.mirror_covariance_m2, 0.04 * np.eye(2))
+        assert fix.status is AnchorStatus.OK and fix.mirror_probability < 0.002
+
+
+@given(
+    st.floats(0, 1), st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1)), min_size=1, max_size=6)
+)
+def test_the_choice_is_the_likeliest_of_all_combinations(
+    scene: float, left: list[tuple[float, float]]
+) -> None:
+    one = zone(scene, np.array(left).T)
+    decision = decide(one)
+
+    def probability(side: tuple[int, ...]) -> float:
+        given = [
+            np.prod([p if s == 0 else 1 - p for p, s in zip(row, side, strict=True)])
+            for row in one.left_probability
+        ]
+        return float(one.scene_probability @ given)
+
+    combinations = list(itertools.product((0, 1), repeat=len(left)))
+    best = max(map(probability, combinations))
+    chosen = tuple(0 if fix.position_m[1] > 0 else 1 for fix in decision.anchors)
+    assert probability(chosen) == pytest.approx(best, rel=1e-6)
+    for n, fix in enumerate(decision.anchors):
+        other = sum(probability(c) for c in combinations if c[n] != chosen[n])
+        assert fix.mirror_probability == pytest.approx(other, abs=1e-9)
+    assert decision.combinations.weight.sum() == pytest.approx(1.0)
+
+
+def test_many_open_anchors_are_sampled_and_the_likeliest_is_found() -> None:
+    rng = np.random.default_rng(0)
+    left = rng.uniform(0.55, 0.95, (2, 20))
+    decision = decide(zone(0.6, left))
+    assert all(fix.position_m[1] > 0 for fix in decision.anchors)
+
+
+def test_anchors_without_enough_ranges_are_not_located() -> None:
+    located = np.array([True, False, True])
+    one = zone(0.9, both(3, 0.99), located)
+    decision = decide_zone(["a", "b", "c"], one, np.array([50, 0, 3]))
+    statuses = [fix.status for fix in decision.anchors]
+    assert statuses[1:] == [AnchorStatus.TOO_FEW_RANGES] * 2
+    assert np.isnan(decision.anchors[1].position_m).all()
+    assert decision.combinations.located.tolist() == [0]
+
+
+def test_a_place_that_is_known_only_poorly_says_so() -> None:
+    one = zone(0.0, both(2, 1.0))
+    wide = np.array(one.covariance_m2)
+    wide[1] = np.diag([100.0, 0.1])
+    decision = decide(
+        ZonePosterior(one.place_m, wide, one.scene_probability, one.left_probability, one.located)
+    )
+    assert [fix.status for fix in decision.anchors] == [
+        AnchorStatus.OK,
+        AnchorStatus.ILL_CONDITIONED,
+    ]
