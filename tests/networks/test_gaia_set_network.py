@@ -14,12 +14,11 @@ from gaia_uwb.model import GaiaSetOptions
 from gaia_uwb.networks.gaia_set import (
     GaiaSet,
     Prior,
-    SetInputs,
     ZonePrediction,
     gauss_newton,
-    make_scene,
     side_probability,
 )
+from gaia_uwb.networks.zone_tokens import SetInputs, make_scene
 from gaia_uwb.zone_inputs import ZoneInputs
 
 SMALL = GaiaSetOptions(channels=6, width=8, layers=1)

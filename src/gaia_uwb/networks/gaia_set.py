@@ -13,7 +13,7 @@ PoseMLP Base           the exact solver's two places per anchor (``zone_inputs.p
 Temporal Refinement    :class:`TemporalEncoder`, convolutions over what a place leaves unexplained
 Layout Head            :class:`Attention` across all tokens, and :class:`PlaceHead`: where such an
                        anchor stands beside such a road, and how sure that is
-GeoDist                :func:`slant_m`, exact, inside :func:`gauss_newton`
+GeoDist                ``zone_tokens.slant_m``, exact, inside :func:`gauss_newton`
 Prediction Head        :class:`RangeHead`: correction, standard deviation, P(NLOS), gate of a range
 Gated Fusion           :meth:`GaiaSet.forward`: corrected ranges and those of the place, blended
 =====================  ===========================================================================
@@ -37,36 +37,33 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from gaia_uwb.model import GaiaSetOptions
+from gaia_uwb.networks.zone_tokens import (
+    PAIR_FEATURES,
+    STEP_FEATURES,
+    TOKEN_FEATURES,
+    Scene,
+    SetInputs,
+    by_side,
+    flip,
+    make_scene,
+    off_road_m,
+    pair_features,
+    road_left_m,
+    slant_m,
+    step_features,
+    to_tokens,
+    token_features,
+)
 
-_LEAST_SQUARE_M2 = 1e-4  # under a root, so that its gradient stays finite on top of an anchor
 _NOTHING = -1e4  # a logit that is never chosen
 _HEADS = 4
 _PAIR = 16  # width of what is said about a pair of tokens
 _DILATIONS = (1, 3, 9)
 _KERNEL = 5
-_STEP_CHANNELS = 17
-_TOKEN_FEATURES = 42
-_PAIR_FEATURES = 15
 _NEWTON_STEPS = 3
 _LONGEST_STEP_M = 30.0
 _FARTHEST_M = 600.0
 _TAILS = 4.0  # degrees of freedom of the ranges' errors
-
-
-class SetInputs(NamedTuple):
-    """A batch: the fields of :class:`gaia_uwb.zone_inputs.ZoneInputs` as tensors."""
-
-    position: Tensor
-    velocity: Tensor
-    range: Tensor
-    mask: Tensor
-    height_gap: Tensor
-    start: Tensor
-    fit: Tensor
-    road: Tensor
-    path_even: Tensor
-    path_odd: Tensor
-    step: Tensor
 
 
 class ZonePrediction(NamedTuple):
@@ -103,22 +100,6 @@ class RoundOutput(NamedTuple):
     log_likelihood: Tensor  # (B, M): of the corrected ranges, given the place
 
 
-class Scene(NamedTuple):
-    """What the rounds know of a batch, token by token, each in its own frame."""
-
-    side: Tensor  # (B, M): 1 left, -1 right
-    path: Tensor  # (B, M, T, 2)
-    velocity: Tensor  # (B, M, T, 2)
-    range: Tensor  # (B, M, T)
-    mask: Tensor  # (B, M, T)
-    gap: Tensor  # (B, M, T)
-    road: Tensor  # (B, M, 3)
-    known: Tensor  # (B, M, 27): features that no round changes
-    step: Tensor  # (B, 1, 1, 1)
-    observed: Tensor  # (B, M)
-    kin: Tensor  # (M, M, 3): of one side; of one anchor; the same
-
-
 class GaiaSet(nn.Module):
     """The whole network.
 
@@ -142,12 +123,12 @@ class GaiaSet(nn.Module):
         given = SetInputs(*inputs)
         scene = make_scene(given)
         evidence = _evidence(given.fit[..., 0] / given.fit[..., 3].exp())
-        place = _to_tokens(given.start) * _flip(scene.side)
+        place = to_tokens(given.start) * flip(scene.side)
         token, rounds = None, []
         for module in self.rounds:
             out: RoundOutput = module(scene, place, token, evidence)
             place, token = out.place, out.token
-            fits = _by_side(out.log_likelihood.unsqueeze(-1)).squeeze(-1)  # (B, N, 2)
+            fits = by_side(out.log_likelihood.unsqueeze(-1)).squeeze(-1)  # (B, N, 2)
             evidence = _evidence(fits - fits.flip(-1))
             rounds.append(out)
         assert token is not None  # there is at least one round  # noqa: S101
@@ -170,9 +151,9 @@ class Round(nn.Module):
         super().__init__()
         channels, width = options.channels, options.width
         self.encoder = TemporalEncoder(channels)
-        n_features = 2 * channels + _TOKEN_FEATURES + (0 if first else width)
+        n_features = 2 * channels + TOKEN_FEATURES + (0 if first else width)
         self.embed = _two_layers(n_features, width, width)
-        self.pair = nn.Sequential(*_two_layers(_PAIR_FEATURES, _PAIR, _PAIR), nn.GELU())
+        self.pair = nn.Sequential(*_two_layers(PAIR_FEATURES, _PAIR, _PAIR), nn.GELU())
         self.attention = nn.ModuleList(Attention(width) for _ in range(options.layers))
         self.range_head = RangeHead(channels, width)
         self.place_head = PlaceHead(width)
@@ -212,7 +193,7 @@ class TemporalEncoder(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.enter = nn.Conv1d(_STEP_CHANNELS, channels, 1)
+        self.enter = nn.Conv1d(STEP_FEATURES, channels, 1)
         self.layers = nn.ModuleList(
             nn.Conv1d(channels, channels, _KERNEL, padding=_KERNEL // 2 * d, dilation=d)
             for d in _DILATIONS
@@ -353,8 +334,8 @@ class SideHead(nn.Module):
 
     def forward(self, token: Tensor, evidence: Tensor, observed: Tensor) -> tuple[Tensor, Tensor]:
         """Return the scene's logit (B,) and the anchors' own (B, N, 2)."""
-        tokens, ev = _by_side(token), _by_side(evidence)  # (B, N, 2, D), (B, N, 2, 2)
-        live = _by_side(observed.unsqueeze(-1))[:, :, 0]  # (B, N, 1)
+        tokens, ev = by_side(token), by_side(evidence)  # (B, N, 2, D), (B, N, 2, 2)
+        live = by_side(observed.unsqueeze(-1))[:, :, 0]  # (B, N, 1)
         mean = (tokens * live.unsqueeze(2)).sum(dim=1) / live.sum(dim=1).clamp_min(1).unsqueeze(1)
         both = torch.cat([tokens, tokens.flip(2)], dim=-1)  # own side, other side
         scene = self.scene(torch.cat([mean, mean.flip(1)], dim=-1)).squeeze(-1)  # (B, 2)
@@ -367,143 +348,6 @@ class SideHead(nn.Module):
         around = mean.unsqueeze(1).expand(-1, tokens.shape[1], -1, -1)
         own = self.own(torch.cat([both, around, ev], dim=-1)).squeeze(-1)
         return scene_logit, own
-
-
-def make_scene(inputs: SetInputs) -> Scene:
-    """Lay the inputs out for the tokens, each in its own frame."""
-    ones = torch.ones_like(inputs.range[:, :, 0])  # (B, N)
-    side = torch.cat([ones, -ones], dim=1)  # (B, M)
-    flip = _flip(side).unsqueeze(2)  # (B, M, 1, 2)
-
-    def twice(values: Tensor) -> Tensor:
-        return torch.cat([values, values], dim=1)
-
-    count = inputs.mask.sum(dim=-1)
-    apart = torch.sqrt((inputs.start[:, :, 0] - inputs.start[:, :, 1]).square().sum(dim=-1) + 1e-4)
-    mean_m = (inputs.range * inputs.mask).sum(dim=-1) / count.clamp_min(1)
-    both = torch.stack(
-        [
-            count.clamp_min(1).log() / 4,
-            mean_m.clamp_min(0.1).log() / 4,
-            (apart + 0.01).log() / 3,
-            inputs.height_gap.mean(dim=-1),
-        ],
-        dim=-1,
-    )  # (B, N, 4)
-    fits = _to_tokens(inputs.fit)  # (B, M, 4)
-    better = fits[..., :1]
-    observed = (count > 0).to(inputs.range.dtype)
-    even = inputs.path_even / inputs.path_even.new_tensor([3.0, 3.0, 2.0, 15.0, 5.0, 1.0])
-    odd = inputs.path_odd.unsqueeze(1) * side.unsqueeze(-1)  # (B, M, 5)
-    known = torch.cat(
-        [
-            *(torch.tanh(better / scale) for scale in (1.0, 5.0, 25.0)),
-            fits[..., 1:2] / 2,
-            torch.tanh(fits[..., 2:3] / 0.2),
-            fits[..., 3:4] / 2,
-            twice(both),
-            twice(observed).unsqueeze(-1),
-            even.unsqueeze(1).expand(-1, side.shape[1], -1),
-            torch.tanh(odd / 2),
-            torch.tanh(odd / 20),
-        ],
-        dim=-1,
-    )
-    n = inputs.range.shape[1]
-    number = torch.arange(n, device=inputs.range.device)
-    number = torch.cat([number, number])
-    one_side = (side[0].unsqueeze(1) * side[0].unsqueeze(0) + 1) / 2
-    one_anchor = (number.unsqueeze(1) == number.unsqueeze(0)).to(inputs.range.dtype)
-    return Scene(
-        side=side,
-        path=inputs.position.unsqueeze(1) * flip,
-        velocity=inputs.velocity.unsqueeze(1) * flip,
-        range=twice(inputs.range),
-        mask=twice(inputs.mask),
-        gap=twice(inputs.height_gap),
-        road=inputs.road.unsqueeze(1) * side.unsqueeze(-1),
-        known=known,
-        step=inputs.step.reshape(-1, 1, 1, 1),
-        observed=twice(observed),
-        kin=torch.stack([one_side, one_anchor, one_side * one_anchor], dim=-1),
-    )
-
-
-def slant_m(scene: Scene, place: Tensor) -> tuple[Tensor, Tensor]:
-    """Return slant distances (B, M, T) of places, and place minus path (B, M, T, 2)."""
-    off = place.unsqueeze(2) - scene.path
-    return torch.sqrt(off.square().sum(dim=-1) + scene.gap.square() + _LEAST_SQUARE_M2), off
-
-
-def road_left_m(scene: Scene, along: Tensor) -> Tensor:
-    """Return where the road's parabola is at ``along`` (B, M), in the tokens' frames."""
-    return scene.road[..., 0] + scene.road[..., 1] * along + scene.road[..., 2] * along.square()
-
-
-def off_road_m(scene: Scene, place: Tensor) -> Tensor:
-    """Return how far places stand off the road, towards the token's side (B, M)."""
-    return place[..., 1] - road_left_m(scene, place[..., 0])
-
-
-def step_features(scene: Scene, place: Tensor) -> Tensor:
-    """Return what an anchor at a place would leave unexplained at each step (B, M, T, 17)."""
-    distance, off = slant_m(scene, place)
-    residual = (scene.range - distance) * scene.mask
-    speed = torch.sqrt(scene.velocity.square().sum(dim=-1) + 1e-6)
-    left = scene.path[..., 1]
-    return torch.cat(
-        [
-            _squashed(residual, 0.1, 0.5, 2.0, 10.0),
-            scene.mask.unsqueeze(-1),
-            off / distance.unsqueeze(-1),
-            torch.log1p(scene.range.clamp_min(0)).unsqueeze(-1) / 5,
-            _squashed(left, 1.0, 5.0, 25.0),
-            scene.path[..., :1] / 50,
-            scene.velocity / 10,
-            3 * scene.velocity[..., 1:] / (speed.unsqueeze(-1) + 0.1),
-            scene.step.expand(*residual.shape, 1),
-            _squashed(off[..., 1], 3.0),
-        ],
-        dim=-1,
-    )
-
-
-def token_features(scene: Scene, place: Tensor) -> Tensor:
-    """Return what is known of a token as a whole, less the evidence (B, M, 40)."""
-    off_road = off_road_m(scene, place)
-    slope = scene.road[..., 1] + 2 * scene.road[..., 2] * place[..., 0]
-    return torch.cat(
-        [
-            _squashed(off_road, 1.0, 3.0, 10.0, 40.0),
-            (off_road / 10).clamp(-5.0, 5.0).unsqueeze(-1),
-            slope.clamp(-2.0, 2.0).unsqueeze(-1),
-            place[..., :1] / 100,
-            _squashed(place[..., 1], 1.0, 3.0, 10.0, 40.0),
-            _squashed(place[..., 0], 10.0, 50.0),
-            scene.known,
-        ],
-        dim=-1,
-    )
-
-
-def pair_features(scene: Scene, place: Tensor) -> Tensor:
-    """Return how token j stands to token i, in the frame of i (B, M, M, 15)."""
-    common_left = place[..., 1] * scene.side
-    ahead = place[..., 0].unsqueeze(1) - place[..., 0].unsqueeze(2)  # (B, i, j)
-    left = common_left.unsqueeze(1) - common_left.unsqueeze(2)
-    off_road = off_road_m(scene, place) * scene.side
-    across = (off_road.unsqueeze(1) - off_road.unsqueeze(2)) * scene.side.unsqueeze(2)
-    apart = torch.sqrt(ahead.square() + left.square() + 1e-4)
-    return torch.cat(
-        [
-            _squashed(ahead, 2.0, 8.0, 30.0, 120.0),
-            _squashed(across, 1.0, 3.0, 10.0, 40.0),
-            _squashed(ahead.abs(), 2.0, 8.0, 30.0),
-            (apart + 0.1).log().unsqueeze(-1) / 3,
-            scene.kin.unsqueeze(0).expand(ahead.shape[0], -1, -1, -1),
-        ],
-        dim=-1,
-    )
 
 
 def gauss_newton(
@@ -560,7 +404,7 @@ def _prediction(
     scene: Scene, out: RoundOutput, scene_logit: Tensor, side_logit: Tensor
 ) -> ZonePrediction:
     """Bring a round's output into the path's frame; the sides' ranges count by probability."""
-    place = _by_side(out.place * _flip(scene.side))
+    place = by_side(out.place * flip(scene.side))
     information = out.information * torch.stack(
         [torch.ones_like(scene.side), scene.side, torch.ones_like(scene.side)], dim=-1
     )
@@ -578,7 +422,7 @@ def _prediction(
         log_sigma=blend(out.log_sigma),
         nlos_logit=blend(out.nlos_logit),
         place=place,
-        information=_by_side(information),
+        information=by_side(information),
         scene_logit=scene_logit,
         side_logit=side_logit,
     )
@@ -586,28 +430,7 @@ def _prediction(
 
 def _evidence(better: Tensor) -> Tensor:
     """Return by how much a side fits better (B, N, 2), as features of the tokens (B, M, 2)."""
-    return _to_tokens(torch.stack([torch.tanh(better / 2), torch.tanh(better / 10)], dim=-1))
-
-
-def _flip(side: Tensor) -> Tensor:
-    """Return what mirrors (along, left) for tokens on the right (B, M, 2)."""
-    return torch.stack([torch.ones_like(side), side], dim=-1)
-
-
-def _to_tokens(values: Tensor) -> Tensor:
-    """Return (B, N, 2, F) as (B, M, F): all left ones first."""
-    return torch.cat([values[:, :, 0], values[:, :, 1]], dim=1)
-
-
-def _by_side(values: Tensor) -> Tensor:
-    """Return (B, M, F) as (B, N, 2, F)."""
-    n = values.shape[1] // 2
-    return torch.stack([values[:, :n], values[:, n:]], dim=2)
-
-
-def _squashed(values: Tensor, *scales: float) -> Tensor:
-    """Return values on several scales, each between -1 and 1, along a new last axis."""
-    return torch.stack([torch.tanh(values / scale) for scale in scales], dim=-1)
+    return to_tokens(torch.stack([torch.tanh(better / 2), torch.tanh(better / 10)], dim=-1))
 
 
 def _begin_with(layer: nn.Module, *outputs: float) -> None:
