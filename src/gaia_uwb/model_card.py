@@ -15,7 +15,8 @@ _LIMITS = """\
 """
 _PLAUSIBLE = """\
 - A window in which it would move an anchor's ranges by {limit:.2f} m or more (99 % of the training
-  windows need less) was taken for one of another layout, and gets a running median.
+  windows need less than half of that) was taken for one of another layout, and gets a running
+  median.
 """
 
 
