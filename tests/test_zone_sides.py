@@ -86,11 +86,28 @@ def test_the_choice_is_the_likeliest_of_all_combinations(
     assert decision.combinations.weight.sum() == pytest.approx(1.0)
 
 
-def test_many_open_anchors_are_sampled_and_the_likeliest_is_found() -> None:
-    rng = np.random.default_rng(0)
-    left = rng.uniform(0.55, 0.95, (2, 20))
+def test_of_many_open_anchors_the_likeliest_combinations_are_found() -> None:
+    left = np.random.default_rng(0).uniform(0.55, 0.95, (2, 20))
     decision = decide(zone(0.6, left))
     assert all(fix.position_m[1] > 0 for fix in decision.anchors)
+    # Next come those with a single anchor on the other side, where that is likeliest.
+    first, second = decision.combinations.side[:2]
+    assert first.sum() == 0 and second.sum() == 1
+    single = np.array([0.6, 0.4]) @ (left.prod(axis=1)[:, None] * (1 - left) / left)
+    assert second.argmax() == single.argmax()
+    assert len({tuple(side) for side in decision.combinations.side.tolist()}) == 32
+
+
+@pytest.mark.parametrize("n", [1, 4, 7])
+def test_the_kept_combinations_are_the_likeliest_of_all(n: int) -> None:
+    left = np.random.default_rng(n).uniform(0.0, 1.0, (2, n))
+    decision = decide(zone(0.3, left))
+    sides = np.array(list(itertools.product((0, 1), repeat=n)))
+    given = np.where(sides[:, None] == 0, left, 1 - left).prod(axis=2)
+    probability = np.sort(given @ [0.3, 0.7])[::-1]
+    kept = decision.combinations.weight
+    expected = probability[: len(kept)] / probability[: len(kept)].sum()
+    np.testing.assert_allclose(kept, expected, rtol=1e-9)
 
 
 def test_anchors_without_enough_ranges_are_not_located() -> None:

@@ -11,7 +11,10 @@ form, which leaves a price on the scatter S of the anchors::
 Shapes and sizes from 0.7 m to 128 m are all tried and weighted by how well they explain the ranges
 (empirical Bayes), so nothing is assumed about the scale of a zone. Given the sides, each
 anchor's likelihood is taken as Gaussian; the best places then follow from a few closed-form steps,
-each of which replaces the price by a quadratic that touches it from above.
+each of which replaces the price by a quadratic that touches it from above. With it the anchors are
+``a_i ~ N(c, T)``, ``T = (dof size^2 I + S) / (dof + N - 1)``, measured with covariances ``C_i``,
+about a centre that nobody knows: with ``M_i = (T + C_i)^-1`` the centre is the mean of what was
+measured with the weights ``M_i``, and a place is ``c + T M_i (measured_i - c)``.
 """
 
 from __future__ import annotations
@@ -22,8 +25,9 @@ from math import lgamma, log, pi
 import numpy as np
 
 from gaia_uwb._typing import Array, Float64
+from gaia_uwb.symmetric import Symmetric
 
-_STEPS = 40
+_STEPS, _STILL_M = 40, 1e-4  # at most so many, until no place moves farther
 _SHAPES = (2.0, 40.0)  # degrees of freedom: a line of cones, a round cluster
 _SIZES_M = (128.0, 32.0, 8.0, 2.0, 0.7)
 
@@ -71,53 +75,78 @@ def joint_places(
     """
     n = place_m.shape[1]
     prior = [(dof, size) for dof in _SHAPES for size in _SIZES_M]
-    dof = np.array([d for d, _ in prior])
-    base = np.array([d * s * s for d, s in prior])[:, None, None] * np.eye(2)  # (L, 2, 2)
-    strength = (dof + n - 1.0)[:, None, None]
-    precision = np.linalg.inv(covariance_m2)[:, None]  # (K, 1, N, 2, 2)
-    pull = (precision @ place_m[:, None, :, :, None])[..., 0]  # (K, 1, N, 2)
-    place = np.repeat(place_m[:, None], len(prior), axis=1)
+    base_m2 = np.array([dof * size * size for dof, size in prior])
+    strength = np.array([dof + n - 1.0 for dof, _ in prior])
+    covariance = Symmetric.of(covariance_m2)[:, None]  # (K, 1, N)
+    measured = np.moveaxis(place_m, -1, 0)[:, :, None]  # (2, K, 1, N)
+    place = np.repeat(measured, len(prior), axis=2)  # (2, K, L, N)
+    moving = np.arange(len(place_m))
     for _ in range(_STEPS):
-        scatter = _scatter(place)
-        stiffness = strength * np.linalg.inv(base + scatter)  # (K, L, 2, 2)
-        gain = np.linalg.inv(precision + stiffness[:, :, None])  # (K, L, N, 2, 2)
-        own = gain @ precision
-        centre = np.linalg.solve(own.sum(axis=2), (gain @ pull[..., None]).sum(axis=2))
-        target = pull[..., None] + (stiffness @ centre)[:, :, None]
-        new = (gain @ target)[..., 0]
-        moved = float(np.abs(new - place).max())
-        place = new
-        if moved < 1e-4:
+        before = place[:, moving]
+        spread = _spread(before, base_m2, strength)
+        after = _shrunk(measured[:, moving], covariance[moving], spread)
+        place[:, moving] = after
+        moving = moving[np.abs(after - before).max(axis=(0, 2, 3)) >= _STILL_M]
+        if not len(moving):
             break
-    covariance, pull_per_m2, log_det = _posterior(gain, stiffness, n)
-    off = place - place_m[:, None]
-    misfit = 0.5 * np.einsum(
-        "klni,klnij,klnj->kl", off, np.broadcast_to(precision, gain.shape), off
-    )
-    price = 0.5 * strength[:, 0, 0] * np.linalg.slogdet(base + _scatter(place))[1]
     normal = np.array([_log_normal(d, s, n) for d, s in prior])
-    evidence = normal - price - misfit - 0.5 * log_det
-    return JointPlaces(place, covariance, gain, pull_per_m2, evidence)
+    spread = _spread(place, base_m2, strength)
+    price = 0.5 * strength * (np.log(spread.determinant()) + 2.0 * np.log(strength))
+    weight = (spread[..., None] + covariance).inverse()
+    pull, log_det = _coupling(spread, covariance, weight)
+    off = weight.times(*(measured - _centre(weight, measured)))
+    misfit = 0.5 * covariance.square(*off).sum(axis=-1)
+    own = (spread.inverse()[..., None] + covariance.inverse()).inverse()
+    return JointPlaces(
+        place_m=np.moveaxis(place, 0, -1),
+        covariance_m2=(own + own.around(pull[..., None])).matrix(),
+        own_m2=own.matrix(),
+        pull_per_m2=pull.matrix(),
+        log_evidence=normal - price - misfit - 0.5 * log_det,
+    )
 
 
-def _scatter(place: Float64[Array, "K L N 2"]) -> Float64[Array, "K L 2 2"]:
-    centred = place - place.mean(axis=2, keepdims=True)
-    return np.asarray(np.swapaxes(centred, -1, -2) @ centred)
+def _spread(
+    place: Float64[Array, "2 K L N"], base_m2: Float64[Array, "L"], strength: Float64[Array, "L"]
+) -> Symmetric:
+    """Return T (K, L): how far anchors stand from their centre, given where these stand."""
+    x, y = place - place.mean(axis=-1, keepdims=True)
+    scatter = Symmetric((x * x).sum(axis=-1), (x * y).sum(axis=-1), (y * y).sum(axis=-1))
+    round_m2 = Symmetric(base_m2, np.zeros_like(base_m2), base_m2)
+    return (scatter + round_m2).scaled(1.0 / strength)
 
 
-def _posterior(
-    gain: Float64[Array, "K L N 2 2"], stiffness: Float64[Array, "K L 2 2"], n: int
-) -> tuple[Float64[Array, "K L N 2 2"], Float64[Array, "K L 2 2"], Float64[Array, "K L"]]:
-    """Return covariances, their coupling and the log determinant of the whole Hessian.
+def _centre(weight: Symmetric, measured: Float64[Array, "2 K 1 N"]) -> Float64[Array, "2 K L 1"]:
+    """Return the weighted mean of what was measured."""
+    x, y = weight.times(*measured)
+    return np.stack(weight.sum(axis=-1).inverse().times(x.sum(axis=-1), y.sum(axis=-1)))[..., None]
 
-    The Hessian is block diagonal (``inv(gain)``) less the coupling through the common centre, a
-    matrix of rank 2, so both follow without ever forming it.
+
+def _shrunk(
+    measured: Float64[Array, "2 K 1 N"], covariance: Symmetric, spread: Symmetric
+) -> Float64[Array, "2 K L N"]:
+    """Return the places that are drawn towards their centre as far as T says."""
+    weight = (spread[..., None] + covariance).inverse()
+    centre = _centre(weight, measured)
+    off = weight.times(*(measured - centre))
+    return np.asarray(centre + np.stack(spread[..., None].times(*off)))
+
+
+def _coupling(
+    spread: Symmetric, covariance: Symmetric, weight: Symmetric
+) -> tuple[Symmetric, Float64[Array, "K L"]]:
+    """Return what couples the anchors through their centre, and the whole log determinant.
+
+    The Hessian is block diagonal less a matrix of rank 2, so both follow without ever forming it.
     """
-    coupling = np.eye(2) - (gain.sum(axis=2) / n) @ stiffness  # (K, L, 2, 2)
-    middle = stiffness @ np.linalg.inv(coupling) / n
-    covariance = gain + gain @ middle[:, :, None] @ np.swapaxes(gain, -1, -2)
-    log_det = np.linalg.slogdet(coupling)[1] - np.linalg.slogdet(gain)[1].sum(axis=2)
-    return 0.5 * (covariance + np.swapaxes(covariance, -1, -2)), middle, log_det
+    n = covariance.xx.shape[-1]
+    total = weight.sum(axis=-1)
+    own = np.log(covariance.determinant()) + np.log(weight.determinant())
+    log_det = np.log(total.determinant()) - 2.0 * log(n) - own.sum(axis=-1)
+    return (
+        spread.inverse().around(total.inverse()),
+        log_det - (n - 1.0) * np.log(spread.determinant()),
+    )
 
 
 def _log_normal(dof: float, size_m: float, n: int) -> float:

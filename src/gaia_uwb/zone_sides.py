@@ -7,6 +7,8 @@ an anchor's mirror image keeps the probability of all combinations that put the 
 
 from __future__ import annotations
 
+import heapq
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,13 +17,10 @@ from gaia_uwb._typing import Array, Bool, Float64, Int64
 from gaia_uwb.config import SidesConfig, SolverConfig
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.locate import Hypotheses
-from gaia_uwb.side_search import all_combinations
 from gaia_uwb.sides import Decision, kept_combinations
 from gaia_uwb.zone_posterior import ZonePosterior
 
-_OPEN = 1e-5  # a side with less probability under both hypotheses is not looked at
-_ENUMERATE = 10  # open anchors of which all combinations are compared
-_DRAWS = 4096
+_LOOKED_AT = 128  # likeliest combinations under each hypothesis
 
 
 def decide_zone(
@@ -48,7 +47,7 @@ def decide_zone(
     """
     located = np.flatnonzero(zone.located & (n_ranges >= solver.min_ranges))
     right = 1.0 - zone.left_probability[:, located]  # (2, M)
-    side = _candidates(zone.scene_probability, right)
+    side = _candidates(right)
     weight = _weight(zone.scene_probability, right, side)
     combinations = kept_combinations(side, weight, located, joint=False)
     chosen = np.zeros(len(anchor_ids), dtype=np.int64)
@@ -101,19 +100,36 @@ def _as_hypotheses(
     )
 
 
-def _candidates(scene: Float64[Array, "2"], right: Float64[Array, "2 M"]) -> Int64[Array, "K M"]:
-    """Return the combinations worth looking at, the likeliest of each hypothesis among them."""
-    likeliest = (right > 0.5).astype(np.int64)
-    unsure = (np.minimum(right, 1.0 - right) > _OPEN).any(axis=0)
-    open_sides = np.flatnonzero(unsure | (likeliest[0] != likeliest[1]))
-    if len(open_sides) <= _ENUMERATE:
-        side = np.repeat(likeliest[:1], 1 << len(open_sides), axis=0)
-        side[:, open_sides] = all_combinations(len(open_sides), np.arange(len(open_sides)))
-        return side
-    rng = np.random.default_rng(0)
-    hypothesis = (rng.random(_DRAWS) > scene[0]).astype(np.int64)
-    drawn = (rng.random((_DRAWS, right.shape[1])) < right[hypothesis]).astype(np.int64)
-    return np.unique(np.concatenate([likeliest, drawn]), axis=0)
+def _candidates(right: Float64[Array, "2 M"]) -> Int64[Array, "K M"]:
+    """Return the likeliest combinations under each hypothesis."""
+    return np.unique(np.concatenate([_likeliest(own, _LOOKED_AT) for own in right]), axis=0)
+
+
+def _likeliest(right: Float64[Array, "M"], count: int) -> Int64[Array, "K M"]:
+    """Return the likeliest combinations of independent sides, the best first.
+
+    Next to the best are those with other sides for the anchors where that costs least: with the
+    costs in order, every set of anchors has exactly one parent in which its last anchor is left
+    out or is the one before, and no parent costs more. So a heap finds them in their order.
+    """
+    with np.errstate(divide="ignore"):
+        cost = np.abs(np.log(right) - np.log1p(-right))
+    order = np.argsort(cost, kind="stable")
+    costs = cost[order].tolist()
+    best = (right > 0.5).astype(np.int64)
+    found = [best]
+    heap: list[tuple[float, tuple[int, ...]]] = [(costs[0], (0,))] if costs else []
+    while heap and len(found) < count and math.isfinite(heap[0][0]):
+        total, flipped = heapq.heappop(heap)
+        side = best.copy()
+        side[order[list(flipped)]] ^= 1
+        found.append(side)
+        last = flipped[-1]
+        if last + 1 < len(costs):
+            heapq.heappush(heap, (total + costs[last + 1], (*flipped, last + 1)))
+            moved = total - costs[last] + costs[last + 1]
+            heapq.heappush(heap, (moved, (*flipped[:-1], last + 1)))
+    return np.stack(found)
 
 
 def _weight(
