@@ -23,8 +23,10 @@ from gaia_uwb import __version__
 from gaia_uwb.bounds import cramer_rao_m, wrong_sides_probability
 from gaia_uwb.config import PipelineConfig, SidesConfig, SolverConfig
 from gaia_uwb.episode import Episode
+from gaia_uwb.estimate import AnchorFix
 from gaia_uwb.evaluate import Test, make_test, score_method
 from gaia_uwb.files import OutputFolder
+from gaia_uwb.geometry import polygon_iou
 from gaia_uwb.metrics import Metric, aggregate
 from gaia_uwb.pipeline import reconstruct_episodes
 from gaia_uwb.simulate import find_preset, simulate_episodes
@@ -140,12 +142,13 @@ def bounds(episodes: Sequence[Episode], model: str) -> dict[str, float]:
     """Return how near the places come to the Cramer-Rao bound, and what of the sides is open."""
     wrong = np.array([wrong_sides_probability(episode) for episode in episodes])
     config = OUR.model_copy(update={"denoiser": model})
-    ratios, decidable_wrong = [], []
+    ratios, decidable_wrong, right_iou = [], [], []
     for episode, found, doubt in zip(
         episodes, reconstruct_episodes(episodes, config), wrong, strict=True
     ):
         assert episode.truth is not None
         limit_m = cramer_rao_m(episode)
+        right_iou.append(iou_on_right_sides(found.anchors, episode.truth.anchor_m))
         for n, fix in enumerate(found.anchors):
             if not fix.status.has_position or not np.isfinite(limit_m[n]):
                 continue
@@ -164,7 +167,16 @@ def bounds(episodes: Sequence[Episode], model: str) -> dict[str, float]:
         if decidable_wrong
         else float("nan"),
         "anchors in the other scenes": float(len(decidable_wrong)),
+        "IoU if an oracle chose every anchor's side": float(np.mean(right_iou)),
     }
+
+
+def iou_on_right_sides(anchors: Sequence[AnchorFix], true_m: np.ndarray) -> float:
+    """Return the IoU of the hull with each anchor at whichever of its two places is nearer."""
+    both_m = np.array([[fix.position_m, fix.mirror_position_m] for fix in anchors])
+    off_m = np.linalg.norm(both_m - true_m[:, None], axis=-1)
+    nearer = np.nan_to_num(off_m, nan=np.inf).argmin(axis=1)
+    return polygon_iou(both_m[np.arange(len(both_m)), nearer], true_m)
 
 
 def by_layout(test: Test, rows: dict[str, Scores]) -> dict[str, dict[str, float]]:

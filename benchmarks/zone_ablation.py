@@ -1,0 +1,93 @@
+"""What the parts of gaia-set are worth: writes docs/gaia-set-ablation.md.
+
+    python benchmarks/zone_ablation.py --out out/ablation [--portions 30] [--workers 2]
+
+Every variant is trained anew on the same scenes for the same number of portions, far fewer than the
+shipped model's, and scored on validation scenes: training layouts, but other scenes. So nothing
+that is tested on is looked at. A training that was stopped goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+from gaia_uwb import __version__
+from gaia_uwb.files import OutputFolder
+from gaia_uwb.model import GaiaSetOptions, SetModelDescription, SetTrainingOptions
+
+PAGE = Path(__file__).parents[1] / "docs" / "gaia-set-ablation.md"
+VARIANTS = {
+    "whole": GaiaSetOptions(),
+    "without attention: every anchor on its own": GaiaSetOptions(layers=0),
+    "one round": GaiaSetOptions(rounds=1),
+    "half the channels of the temporal encoder": GaiaSetOptions(channels=12),
+}
+KINDS = ("wild", "roaming", "stress")
+METRICS = {
+    "distance_mse_overall": "range MSE (m²)",
+    "wrong_side_share": "wrong sides",
+    "scene": "−ln likelihood of an anchor's place",
+}
+HEAD = """\
+# gaia-set: without one of its parts
+
+Written by `python benchmarks/zone_ablation.py`; not edited by hand. One seed ({seed}), {portions}
+portions of {episodes} scenes for every variant (the shipped model: {shipped}), {validation}
+validation scenes of each kind. Lower is better in every column.
+"""
+
+
+def main() -> None:
+    """Train, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, required=True, help="folder for the models")
+    parser.add_argument("--portions", type=int, default=30)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--page", type=Path, default=PAGE)
+    given = parser.parse_args()
+    options = SetTrainingOptions(portions=given.portions)
+    os.environ["OMP_NUM_THREADS"] = "1"  # read by the processes that are started below
+    places = [given.out / str(k) for k in range(len(VARIANTS))]
+    with ProcessPoolExecutor(given.workers, get_context("spawn")) as pool:
+        jobs = [
+            pool.submit(train, network, options, place)
+            for network, place in zip(VARIANTS.values(), places, strict=True)
+        ]
+        found = dict(zip(VARIANTS, (job.result() for job in jobs), strict=True))
+    head = HEAD.format(
+        seed=options.seed,
+        portions=options.portions,
+        episodes=options.portion_episodes,
+        shipped=SetTrainingOptions().portions,
+        validation=options.validation_episodes,
+    )
+    text = "\n".join([head, *(table(kind, found) for kind in KINDS), f"gaia {__version__}.\n"])
+    OutputFolder(given.page.parent).write_text(given.page.name, text)
+
+
+def train(network: GaiaSetOptions, options: SetTrainingOptions, place: Path) -> SetModelDescription:
+    """Train a variant."""
+    from gaia_uwb.set_training import SetTask, train_set
+
+    return train_set(SetTask(network, options, __version__), OutputFolder(place))
+
+
+def table(kind: str, found: dict[str, SetModelDescription]) -> str:
+    """Return all variants on one kind of scene, as Markdown."""
+    lines = [
+        f"## `{kind}`\n",
+        f"| variant | {' | '.join(METRICS.values())} |",
+        "|---" * (len(METRICS) + 1) + "|",
+    ]
+    for variant, model in found.items():
+        cells = [f"{model.metrics[f'{kind}_{name}']:.4g}" for name in METRICS]
+        lines.append(f"| {variant} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    main()
