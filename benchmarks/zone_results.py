@@ -43,8 +43,9 @@ COLUMNS = {
     "polygon_hausdorff": "Hausdorff (m)",
     "anchor_mae_right_side": "error given the right side (m)",
     "wrong_side_share": "wrong sides",
-    "ellipse_coverage_90": "90 % ellipse",
-    "ellipse_coverage_90_aligned": "90 % ellipse, aligned",
+    "open_share": "sides called open",
+    "region_coverage_90": "90 % region",
+    "region_coverage_90_aligned": "90 % region, aligned",
 }
 HEAD = """\
 # gaia-set: results
@@ -53,7 +54,9 @@ Written by `python benchmarks/zone_results.py`; not edited by hand. What the mod
 tried and what bounds it: [design-notes.md](design-notes.md). Means over episodes with 95 %
 bootstrap intervals (over runs on real data, eight of them: rather too short). `gaia-set` is trained
 on simulation only; where several seeds are named, its rows are means over them. All rows use the
-robust solver and no labels, unless they say "labels".
+robust solver and no labels, unless they say "labels". The *90 % region* of an anchor is its
+ellipse and, where the side is called open (the mirror place keeps more than 10 %), that of the
+mirror place too.
 """
 
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -100,9 +100,12 @@ class TestPerfectEstimate:
             "located_share": (1.0, "", 4),
             "anchor_mae_right_side": (0.0, "m", 4),
             "wrong_side_share": (0.0, "", 4),
+            "open_share": (0.0, "", 4),
             "ellipse_coverage_90": (1.0, "", 4),
+            "region_coverage_90": (1.0, "", 4),
             "anchor_mae_aligned": (pytest.approx(0.0, abs=1e-12), "m", 4),
             "ellipse_coverage_90_aligned": (1.0, "", 4),
+            "region_coverage_90_aligned": (1.0, "", 4),
         }
         assert all(name == s.name for name, s in scores.items())
 
@@ -191,6 +194,26 @@ class TestAnchorScores:
             fixes = make_fixes(CONES + error_m, covariance_m2=covariance_m2)
             covered.append(score(fixes, episode)["ellipse_coverage_90"].value)
         assert np.mean(covered) == pytest.approx(0.90, abs=0.03)
+
+    @pytest.mark.parametrize(("probability", "covered"), [(0.09, 0.0), (0.11, 1.0)])
+    def test_the_region_of_an_open_side_has_both_places(
+        self, probability: float, covered: float
+    ) -> None:
+        wrong = make_fixes(CONES * [1.0, -1.0], mirror_m=CONES)
+        ellipse = np.diag([0.01, 0.01])
+        fixes = [
+            replace(fix, mirror_probability=probability, mirror_covariance_m2=ellipse)
+            for fix in wrong
+        ]
+        scores = score(fixes)
+        assert scores["ellipse_coverage_90"].value == 0.0
+        assert scores["region_coverage_90"].value == covered
+        assert scores["open_share"].value == covered
+        # Without an ellipse of its own, a mirror place holds nothing.
+        assert (
+            score([replace(f, mirror_probability=0.5) for f in wrong])["region_coverage_90"].value
+            == 0.0
+        )
 
     def test_ellipses_turn_with_the_alignment(self) -> None:
         # The layout is turned by 90 degrees and off by 1 m along what was its long axis.

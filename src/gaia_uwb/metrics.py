@@ -1,4 +1,4 @@
-"""Score a reconstruction against the truth: the paper's six metrics, and six that explain them.
+"""Score a reconstruction against the truth: the paper's six metrics, and nine that explain them.
 
 :func:`score_episode` scores one episode; :func:`aggregate` forms means over episodes with their
 bootstrap intervals and says how. A metric that has nothing to count is absent.
@@ -16,9 +16,13 @@ located_share                    anchors with a position; observed anchors
 anchor_mae_right_side       m    ``anchor_mae`` of the better of the two mirror hypotheses
 wrong_side_share                 the mirror hypothesis is nearer to the truth; anchors whose two
                                  hypotheses are apart by more than 0.1 m and 3 standard deviations
+open_share                       the mirror place keeps more than 10 %; located anchors
 ellipse_coverage_90              the 90 % ellipse holds the true place; anchors with an ellipse
+region_coverage_90               that ellipse or, where the side is open, the mirror place's one
+                                 holds the true place; anchors with an ellipse
 anchor_mae_aligned          m    ``anchor_mae`` after rigid alignment to the truth
 ellipse_coverage_90_aligned      ``ellipse_coverage_90`` after the same alignment
+region_coverage_90_aligned       ``region_coverage_90`` after the same alignment
 =========================== ==== =================================================================
 
 The first six are the paper's ("Evaluation metrics"); its set of anchors I is called *observed*
@@ -30,7 +34,7 @@ distance count it by its absence. A hull without area has IoU 0.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -41,8 +45,10 @@ from gaia_uwb.episode import DenoisedRanges, Episode, EpisodeTruth
 from gaia_uwb.errors import InputError
 from gaia_uwb.estimate import AnchorFix
 from gaia_uwb.geometry import hausdorff, polygon_iou, rigid_align, rotation_matrix
+from gaia_uwb.symmetric import Symmetric
 
 _CHI2_90 = -2.0 * np.log(0.1)  # 90 % quantile of chi-squared with 2 degrees of freedom
+_OPEN_ABOVE = 0.1  # the probability of a mirror place beyond which a side counts as open
 _LEAST_SEPARATION_M = 0.1
 _LEAST_SEPARATION_SIGMA = 3.0
 _POOLED = {"distance_mse_overall", "distance_mse_los", "distance_mse_nlos"}
@@ -157,13 +163,14 @@ def score_episode(
         *_mean("located_share", "", has_position[observed]),
         *_mean("anchor_mae_right_side", "m", np.fmin(located.error_m, located.mirror_error_m)),
         *_wrong_side_share(located),
-        *_coverage("ellipse_coverage_90", located),
+        *_mean("open_share", "", located.is_open),
+        *_coverage(located),
     ]
     # One anchor always aligns perfectly: that would say nothing.
     if len(located.position_m) > 1:
         aligned = located.aligned()
         scores += _mean("anchor_mae_aligned", "m", aligned.error_m)
-        scores += _coverage("ellipse_coverage_90_aligned", aligned)
+        scores += _coverage(aligned, "_aligned")
     return {score.name: score for score in scores}
 
 
@@ -172,8 +179,10 @@ class _Located:
     """The located anchors' estimates as arrays, beside their true places."""
 
     position_m: Float64[Array, "L 2"]
-    mirror_m: Float64[Array, "L 2"]  # NaN where there is no other hypothesis
     covariance_m2: Float64[Array, "L 2 2"]
+    mirror_m: Float64[Array, "L 2"]  # NaN where there is no other hypothesis
+    mirror_covariance_m2: Float64[Array, "L 2 2"]
+    is_open: Bool[Array, "L"]
     true_m: Float64[Array, "L 2"]
 
     @classmethod
@@ -182,8 +191,10 @@ class _Located:
     ) -> _Located:
         return cls(
             position_m=np.stack([fix.position_m for fix in anchors])[which],
-            mirror_m=np.stack([fix.mirror_position_m for fix in anchors])[which],
             covariance_m2=np.stack([fix.covariance_m2 for fix in anchors])[which],
+            mirror_m=np.stack([fix.mirror_position_m for fix in anchors])[which],
+            mirror_covariance_m2=np.stack([fix.mirror_covariance_m2 for fix in anchors])[which],
+            is_open=np.array([fix.mirror_probability > _OPEN_ABOVE for fix in anchors])[which],
             true_m=true_m[which],
         )
 
@@ -201,8 +212,14 @@ class _Located:
         turn = rotation_matrix(alignment.rotation_rad)
         with np.errstate(invalid="ignore"):  # infinite variances: no ellipse, before and after
             covariance_m2 = turn @ self.covariance_m2 @ turn.T
-        mirror_m = self.mirror_m @ turn.T + alignment.translation_m
-        return _Located(alignment.points_m, mirror_m, covariance_m2, self.true_m)
+            mirror_covariance_m2 = turn @ self.mirror_covariance_m2 @ turn.T
+        return replace(
+            self,
+            position_m=alignment.points_m,
+            covariance_m2=covariance_m2,
+            mirror_m=self.mirror_m @ turn.T + alignment.translation_m,
+            mirror_covariance_m2=mirror_covariance_m2,
+        )
 
 
 def _mean(name: str, unit: str, values: Float64[Array, "K"] | Bool[Array, "K"]) -> list[Metric]:
@@ -245,19 +262,29 @@ def _wrong_side_share(located: _Located) -> list[Metric]:
     return _mean("wrong_side_share", "", (located.mirror_error_m < located.error_m)[clear])
 
 
-def _coverage(name: str, located: _Located) -> list[Metric]:
-    """Score how often the 90 % ellipse holds the true place, where there is an ellipse."""
+def _coverage(located: _Located, suffix: str = "") -> list[Metric]:
+    """Score how often 90 % ellipses hold the true place, where there is an ellipse."""
     finite = np.isfinite(located.covariance_m2).all(axis=(1, 2))
-    covariance_m2 = located.covariance_m2[finite]
-    east_m, north_m = (located.true_m - located.position_m)[finite].T
+    own = _inside(located.true_m - located.position_m, located.covariance_m2)
+    mirror = _inside(located.true_m - located.mirror_m, located.mirror_covariance_m2)
+    either = own | (located.is_open & mirror)
+    return [
+        *_mean(f"ellipse_coverage_90{suffix}", "", own[finite]),
+        *_mean(f"region_coverage_90{suffix}", "", either[finite]),
+    ]
+
+
+def _inside(
+    off_m: Float64[Array, "L 2"], covariance_m2: Float64[Array, "L 2 2"]
+) -> Bool[Array, "L"]:
+    """Return whether points lie within a 90 % ellipse; none does where there is no ellipse."""
+    ellipse = Symmetric.of(covariance_m2)
     # e' C^-1 e <= chi2, multiplied by det C; an ellipse without area claims too much.
-    offset_m4 = (
-        covariance_m2[:, 1, 1] * east_m**2
-        - 2.0 * covariance_m2[:, 0, 1] * east_m * north_m
-        + covariance_m2[:, 0, 0] * north_m**2
-    )
-    determinant_m4 = np.linalg.det(covariance_m2)
-    return _mean(name, "", (offset_m4 <= _CHI2_90 * determinant_m4) & (determinant_m4 > 0))
+    with np.errstate(invalid="ignore"):
+        determinant_m4 = ellipse.determinant()
+        square_m4 = Symmetric(ellipse.yy, -ellipse.xy, ellipse.xx).square(*off_m.T)
+        inside = (square_m4 <= _CHI2_90 * determinant_m4) & (determinant_m4 > 0)
+    return np.asarray(inside & np.isfinite(covariance_m2).all(axis=(1, 2)))
 
 
 def aggregate(

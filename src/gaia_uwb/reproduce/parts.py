@@ -42,6 +42,7 @@ ALIGNMENT_METRICS = {
     "anchor_mae_right_side": "error given the right side (m)",
     "wrong_side_share": "wrong sides",
     "ellipse_coverage_90_aligned": "90 % ellipse, aligned",
+    "region_coverage_90_aligned": "90 % region of open sides too, aligned",
 }
 """Columns of the tables on what the alignment is worth."""
 

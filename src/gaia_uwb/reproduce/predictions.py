@@ -306,7 +306,7 @@ def _pack(
                 (
                     *fix.position_m, *fix.mirror_position_m, *fix.covariance_m2.ravel(),
                     fix.mirror_probability, _STATUSES.index(fix.status), fix.n_ranges,
-                    fix.range_bias_m,
+                    fix.range_bias_m, *fix.mirror_covariance_m2.ravel(),
                 )
                 for fix in fixes
             ]
@@ -368,4 +368,5 @@ def _fix(anchor_id: str, row: Any) -> AnchorFix:
         status=_STATUSES[int(row[9])],
         n_ranges=int(row[10]),
         range_bias_m=float(row[11]),
+        mirror_covariance_m2=row[12:16].reshape(2, 2),
     )
