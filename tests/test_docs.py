@@ -17,7 +17,7 @@ from page_blocks import Block, PageError, Runner, agrees, parse, run_page
 
 ROOT = Path(__file__).parents[1]
 # Written by the commands that they name, which take minutes to hours.
-WRITTEN_BY_COMMANDS = {"results.md", "learned-denoisers.md", "simulator-check.md"}
+WRITTEN_BY_COMMANDS = {"results.md", "simulator-check.md"}
 PAGES = sorted(
     path
     for path in [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]
