@@ -14,9 +14,9 @@ _LIMITS = """\
   ({sigma:.3f} m); its errors within a window are alike.
 """
 _PLAUSIBLE = """\
-- A window in which it would move an anchor's ranges by {limit:.2f} m or more (99 % of the training
-  windows need less than half of that) was taken for one of another layout, and gets a running
-  median.
+- A window in which it would move an anchor's ranges by {limit:.2f} m or more (98 % of the training
+  windows need less than four fifths of that) was taken for one of another layout, and gets a
+  running median.
 """
 
 
