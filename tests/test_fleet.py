@@ -15,7 +15,8 @@ import pytest
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.datasets.native import write_native
 from gaia_uwb.errors import InputError, SourceError
-from gaia_uwb.fleet import find_zones, reconstruct_fleet, write_tables
+from gaia_uwb.fleet import find_zones, write_tables
+from gaia_uwb.fleet_workers import reconstruct_fleet
 from gaia_uwb.simulate import PRESETS, simulate_zone
 
 RAW = PipelineConfig(denoiser="raw")
@@ -134,3 +135,42 @@ def test_manifests_name_log_and_zone(logs: Path, tmp_path: Path) -> None:
         find_zones(manifest)
     with pytest.raises(SourceError, match="neither a folder nor a manifest"):
         find_zones(tmp_path / "absent")
+
+
+def test_yaml_manifests_list_the_logs_of_each_zone(tmp_path: Path) -> None:
+    manifest = tmp_path / "fleet.yaml"
+    manifest.write_text('two: [c]\n"1":\n- b\n- /a\n', encoding="utf-8")
+    first, second = find_zones(manifest)
+    assert (first.name, first.logs) == ("1", ("/a", str(tmp_path / "b")))
+    assert (second.name, second.logs) == ("two", (str(tmp_path / "c"),))
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("a: [x]\nb: [y]\na: [z]", "fleet.yaml: line 3: the key 'a' is here twice"),
+        ("a: [x\n", "fleet.yaml: line 2: "),
+        ("- x", "fleet.yaml: expected a list of logs for each zone"),
+        ("7: [x]", "expected text as the name of a zone, got 7; write it in quotes"),
+        ("a: x", "fleet.yaml: zone 'a': expected a list of logs, got 'x'"),
+        ("a: []", "zone 'a': expected a list of logs, got []"),
+        ("a: [x, 2024-05-01]", "fleet.yaml: zone 'a', log 2: expected a path, got datetime.date("),
+        ("a: [x, ]\nb: [null]", "zone 'b', log 1: expected a path, got None"),
+        ("a/b: [x]", "fleet.yaml: zone 'a/b' cannot name a folder"),
+    ],
+)
+def test_wrong_yaml_manifests(tmp_path: Path, text: str, problem: str) -> None:
+    manifest = tmp_path / "fleet.yaml"
+    manifest.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as error:
+        find_zones(manifest)
+    assert problem in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_an_empty_yaml_manifest_has_no_logs(tmp_path: Path) -> None:
+    manifest = tmp_path / "fleet.yml"
+    for text in ("", "{}"):
+        manifest.write_text(text, encoding="utf-8")
+        with pytest.raises(SourceError, match=r"fleet\.yml: no logs in it"):
+            find_zones(manifest)

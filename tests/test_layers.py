@@ -91,7 +91,7 @@ def test_only_networks_and_their_training_know_torch() -> None:
 @pytest.mark.parametrize("command", ["import gaia_uwb", "import gaia_uwb.cli"])
 def test_importing_is_light(command: str) -> None:
     heavy = {"torch", "onnxruntime", "onnx", "safetensors", "pandas", "polars", "matplotlib"}
-    heavy |= {"scipy", "pyproj", "shapely", "jaxtyping"}
+    heavy |= {"scipy", "pyproj", "shapely", "jaxtyping", "distributed"}
     code = f"{command}; import sys; print(*sorted(set(sys.modules) & {heavy!r}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []

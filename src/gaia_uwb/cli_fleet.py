@@ -17,26 +17,38 @@ def fleet(
     source: Annotated[
         Path,
         typer.Argument(
-            help="A folder with a folder of logs for each zone, or a CSV file with the columns "
-            "log and zone."
+            help="A folder with a folder of logs for each zone; a YAML file with a list of logs "
+            "for each zone; or a CSV file with the columns log and zone."
         ),
     ],
     out: OutOption = Path("out"),
     workers: Annotated[int, typer.Option(min=1, max=256, help="Processes.")] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Let the workers of this Dask scheduler do it, which see the same files; for "
+            "example tcp://host:8786.",
+        ),
+    ] = None,
     config: ConfigOption = None,
 ) -> None:
     """Fuse the passes of many zones; call it again to go on after an interruption."""
     from gaia_uwb.config import PipelineConfig, load_config
+    from gaia_uwb.errors import ConfigError
     from gaia_uwb.files import OutputFolder
-    from gaia_uwb.fleet import find_zones, reconstruct_fleet, write_tables
+    from gaia_uwb.fleet import find_zones, write_tables
+    from gaia_uwb.fleet_workers import reconstruct_fleet
 
+    if scheduler is not None and workers > 1:
+        raise ConfigError("--workers: a scheduler has workers of its own")
     settings = PipelineConfig() if config is None else load_config(config)
     zones = find_zones(source)
     OutputFolder(out)
     results = []
     with progress_bar() as progress:
         task = progress.add_task("zones", total=len(zones))
-        for result in reconstruct_fleet(zones, out, settings, workers=workers):
+        for result in reconstruct_fleet(zones, out, settings, workers=workers, scheduler=scheduler):
             results.append(result)
             progress.advance(task)
             if progress.disable:

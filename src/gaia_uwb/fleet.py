@@ -1,10 +1,10 @@
-"""Many logs: grouped by zone, each zone's passes fused, in several processes.
+"""Many logs: grouped by zone, each zone's passes fused; ``fleet_workers.py`` runs many zones.
 
 A zone is the unit of work: its logs are read and prepared once, one zone at a time in each process,
 which bounds the memory. Its results are complete when ``fleet.json`` is there, which is written
 last and names what they were made from; a run that was interrupted goes on with the zones that lack
 it. A log that cannot be used is listed and the rest of its zone goes on. Results do not depend on
-the number of processes: each zone is computed alone, and numerical libraries get one thread.
+who computes them: each zone is computed alone, and numerical libraries get one thread.
 """
 
 from __future__ import annotations
@@ -13,12 +13,8 @@ import csv
 import hashlib
 import io
 import json
-import multiprocessing
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+import reprlib
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -28,8 +24,20 @@ from gaia_uwb.errors import GaiaError, InputError, SourceError
 from gaia_uwb.files import OutputFolder
 from gaia_uwb.scene import Scene
 
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
+ONE_THREAD = {
+    "OMP_NUM_THREADS": "numpy",
+    "OPENBLAS_NUM_THREADS": "numpy",
+    "MKL_NUM_THREADS": "numpy",
+    "POLARS_MAX_THREADS": "polars",
+}
+"""Variables that limit the threads of numerical libraries, and the one that reads each as it is
+loaded."""
+
+KILLED = "the process that worked on it was killed"
+"""What is said of a zone that ends every process that works on it."""
+
 _DONE = "fleet.json"
+_MAX_MANIFEST_BYTES = 2**26
 
 
 @dataclass(frozen=True)
@@ -69,6 +77,24 @@ class ZoneResult:
     area_m2: float
     failures: tuple[Failure, ...]
 
+    @classmethod
+    def failed(cls, zone: Zone, problem: str) -> ZoneResult:
+        """Return what is said of a zone without a result.
+
+        Parameters
+        ----------
+        zone
+            The zone.
+        problem
+            Why, in one line.
+
+        Examples
+        --------
+        >>> ZoneResult.failed(Zone("north", ()), "no logs").failures
+        (Failure(zone='north', log='', problem='no logs'),)
+        """
+        return cls(zone.name, "failed", 0, 0, 0, 0.0, (Failure(zone.name, "", problem),))
+
 
 def find_zones(source: Path) -> list[Zone]:
     """Return the zones of a manifest, or of a folder that holds a folder of logs for each zone.
@@ -76,8 +102,9 @@ def find_zones(source: Path) -> list[Zone]:
     Parameters
     ----------
     source
-        A CSV file with the columns ``log`` and ``zone``, places seen from its own folder; or a
-        folder. A log that lies in the folder itself is a zone of its own.
+        A manifest: a YAML file (``.yaml`` or ``.yml``) with a list of logs for each zone, or a CSV
+        file with the columns ``log`` and ``zone``, places seen from its own folder. Or a folder; a
+        log that lies in the folder itself is a zone of its own.
 
     Returns
     -------
@@ -89,10 +116,20 @@ def find_zones(source: Path) -> list[Zone]:
     SourceError
         If there is nothing at ``source``, or no log in it.
     InputError
-        If the manifest is wrong: the message names its row.
+        If the manifest is wrong: the message names its row, line or zone.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     manifest = Path(place) / "fleet.yaml"
+    ...     _ = manifest.write_text("north: [drives/1, drives/2]")
+    ...     [(zone.name, len(zone.logs)) for zone in find_zones(manifest)]
+    [('north', 2)]
     """
     if source.is_file():
-        zones = _manifest(source)
+        is_yaml = source.suffix.lower() in {".yaml", ".yml"}
+        zones = _yaml_manifest(source) if is_yaml else _csv_manifest(source)
     elif source.is_dir():
         zones = _folder(source)
     else:
@@ -101,11 +138,11 @@ def find_zones(source: Path) -> list[Zone]:
         raise SourceError(f"{source}: no logs in it")
     for name in zones:
         if not name.strip() or name in {".", ".."} or "/" in name or "\0" in name:
-            raise InputError(f"{name!r} cannot name a folder", source=source, column="zone")
+            raise InputError(f"zone {name!r} cannot name a folder", source=source)
     return [Zone(name, tuple(sorted(set(zones[name])))) for name in sorted(zones)]
 
 
-def _manifest(source: Path) -> dict[str, list[str]]:
+def _csv_manifest(source: Path) -> dict[str, list[str]]:
     try:
         rows = list(csv.DictReader(io.StringIO(source.read_text(encoding="utf-8-sig"))))
     except (UnicodeDecodeError, csv.Error) as error:
@@ -116,6 +153,33 @@ def _manifest(source: Path) -> dict[str, list[str]]:
         if not log or not zone:
             raise InputError("expected a log and a zone", source=source, row=k)
         zones.setdefault(zone, []).append(str(source.parent / log))
+    return zones
+
+
+def _yaml_manifest(source: Path) -> dict[str, list[str]]:
+    from gaia_uwb.strict_yaml import YamlError, read_yaml
+
+    try:
+        content = read_yaml(source, most_bytes=_MAX_MANIFEST_BYTES)
+    except YamlError as error:
+        raise InputError(str(error), source=source) from error
+    if content is None:
+        return {}
+    if not isinstance(content, dict):
+        raise InputError("expected a list of logs for each zone", source=source)
+    zones: dict[str, list[str]] = {}
+    for name, logs in content.items():
+        if not isinstance(name, str):
+            problem = f"expected text as the name of a zone, got {name!r}; write it in quotes"
+            raise InputError(problem, source=source)
+        if not isinstance(logs, list) or not logs:
+            problem = f"zone {name!r}: expected a list of logs, got {reprlib.repr(logs)}"
+            raise InputError(problem, source=source)
+        for k, log in enumerate(logs, start=1):
+            if not isinstance(log, str) or not log:
+                problem = f"zone {name!r}, log {k}: expected a path, got {reprlib.repr(log)}"
+                raise InputError(problem, source=source)
+        zones[name] = [str(source.parent / log) for log in logs]
     return zones
 
 
@@ -165,8 +229,7 @@ def reconstruct_zone(zone: Zone, folder: Path, config: PipelineConfig) -> ZoneRe
     try:
         result = _fused(zone, folder, config)
     except GaiaError as error:
-        problem = Failure(zone.name, "", str(error))
-        return ZoneResult(zone.name, "failed", 0, 0, 0, 0.0, (problem,))
+        return ZoneResult.failed(zone, str(error))
     content = {"digest": digest, "result": asdict(result)}
     OutputFolder(folder).write_text(_DONE, json.dumps(content, indent=1) + "\n")
     return result
@@ -223,79 +286,6 @@ def _digest(zone: Zone, config: PipelineConfig) -> str:
                 files.append((str(each), about.st_size, about.st_mtime_ns))
     content = [version("gaia-uwb"), config.model_dump(mode="json"), zone.logs, files]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
-
-
-def reconstruct_fleet(
-    zones: Sequence[Zone], out: Path, config: PipelineConfig, *, workers: int = 1
-) -> Iterator[ZoneResult]:
-    """Reconstruct many zones in several processes and yield each as it is done.
-
-    Parameters
-    ----------
-    zones
-        Each gets a folder of its name in ``out``.
-    out
-        Folder for all results.
-    config
-        All settings.
-    workers
-        Processes; a script that asks for several needs ``if __name__ == "__main__":``.
-    """
-    waiting = list(reversed(zones))
-    while waiting:
-        killed: list[Zone] = []
-        with _one_thread(), _processes(workers) as pool:
-            running: dict[Future[ZoneResult], Zone] = {}
-            while running or (waiting and not killed):
-                while waiting and not killed and len(running) < 2 * workers:
-                    zone = waiting[-1]
-                    try:
-                        job = pool.submit(reconstruct_zone, zone, out / zone.name, config)
-                    except BrokenProcessPool:  # told when the next result is asked for
-                        break
-                    running[job] = waiting.pop()
-                if not running:
-                    break
-                for job in wait(running, return_when=FIRST_COMPLETED).done:
-                    zone = running.pop(job)
-                    if isinstance(job.exception(), BrokenProcessPool):
-                        killed.append(zone)
-                    else:
-                        yield job.result()
-        # A process was killed, and the pool with it. What it held starts again, each zone alone,
-        # so that one that always ends so takes no other with it.
-        for zone in killed:
-            yield _alone(zone, out, config)
-
-
-def _processes(workers: int) -> ProcessPoolExecutor:
-    # Processes are started afresh: a fork would copy other libraries' threads half-way.
-    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
-
-
-def _alone(zone: Zone, out: Path, config: PipelineConfig) -> ZoneResult:
-    """Reconstruct one zone in a process of its own."""
-    with _one_thread(), _processes(1) as pool:
-        try:
-            return pool.submit(reconstruct_zone, zone, out / zone.name, config).result()
-        except BrokenProcessPool:
-            problem = Failure(zone.name, "", "the process that worked on it was killed")
-            return ZoneResult(zone.name, "failed", 0, 0, 0, 0.0, (problem,))
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Give numerical libraries of new processes one thread each."""
-    before: Mapping[str, str | None] = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
 
 
 def write_tables(results: Sequence[ZoneResult], out: Path) -> list[Path]:
