@@ -9,6 +9,7 @@ keep the workers busy. Dask gives the zones of a worker that dies to others.
 from __future__ import annotations
 
 import asyncio
+import logging
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -77,7 +78,7 @@ def reconstruct_on_scheduler(
     ConfigError
         If Dask is not installed, no scheduler or worker answers, or one of them is not fit for it.
     """
-    with closing(_connect(address)) as client, _witness(out) as witness:
+    with _connected(address) as client, _witness(out) as witness:
         terms = _Terms(version(_PACKAGE), Path.cwd(), out, witness)
         with _lost_is_an_error(address):
             _check_all(client, address, terms)
@@ -94,7 +95,8 @@ def reconstruct_on_scheduler(
                 yield ZoneResult.failed(zone, KILLED) if result is None else result
 
 
-def _connect(address: str) -> Client:
+@contextmanager
+def _connected(address: str) -> Iterator[Client]:
     if find_spec("distributed") is None:
         raise ConfigError("--scheduler needs the extra 'fleet': pip install 'gaia-uwb[fleet]'")
     from distributed import Client
@@ -104,8 +106,17 @@ def _connect(address: str) -> Client:
         problem = thread.submit(asyncio.run, _problem_at(address)).result()
     if problem is not None:
         raise ConfigError(f"{address}: {problem}")
-    with _lost_is_an_error(address):
-        return Client(address, timeout=_ANSWER_S, set_as_default=False)
+    # What it logs when a scheduler is lost is a traceback; here that is an error of one line.
+    logger = logging.getLogger("distributed.client")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        with _lost_is_an_error(address):
+            client = Client(address, timeout=_ANSWER_S, set_as_default=False)
+        with closing(client):
+            yield client
+    finally:
+        logger.setLevel(level)
 
 
 async def _problem_at(address: str) -> str | None:
@@ -194,7 +205,7 @@ def _problem(terms: _Terms, dask_worker: Any) -> str | None:
     if dask_worker.state.nthreads > 1:
         n_threads = dask_worker.state.nthreads
         return (
-            f"this worker takes {n_threads} zones at a time in one process: start it with "
+            f"would work on {n_threads} zones at a time in one process: start it with "
             f"--nworkers {n_threads} --nthreads 1"
         )
     folder = terms.witness.parent
@@ -202,11 +213,14 @@ def _problem(terms: _Terms, dask_worker: Any) -> str | None:
         return f"cannot see the folder of results: {_shared(folder)}"
     if not os.access(folder, os.W_OK):
         return f"may not write into {folder}"
-    for variable, library in ONE_THREAD.items():
-        if os.environ.get(variable) != "1":
-            if library in sys.modules:
-                return f"{library} may use many threads there: start the worker with {variable}=1"
-            os.environ[variable] = "1"
+    too_late = [
+        f"{variable}=1"
+        for variable, library in ONE_THREAD.items()
+        if os.environ.get(variable) != "1" and library in sys.modules
+    ]
+    if too_late:
+        return f"libraries may use many threads there: start it with {' '.join(too_late)} set"
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     return None
 
 
@@ -306,7 +320,5 @@ class _Work:
     def _raise_unless_killed(self, error: BaseException) -> None:
         from distributed import KilledWorker
 
-        if isinstance(error, ImportError):  # a worker that joined later
-            raise ConfigError(f"{self.address}: a worker cannot run this gaia: {error}") from error
         if not isinstance(error, KilledWorker):
             raise error
