@@ -52,3 +52,8 @@ def take_back() -> None:
 def set_variable(name: str, value: str) -> None:
     """Set a variable of the worker's environment."""
     os.environ[name] = value
+
+
+def number_of_tasks(dask_scheduler: Any) -> int:
+    """Return how many tasks a scheduler still has."""
+    return len(dask_scheduler.tasks)

@@ -16,9 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 import deadly_zones
 from gaia_uwb import fleet_dask
+from gaia_uwb.cli import app
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.datasets.native import write_native
 from gaia_uwb.errors import ConfigError
@@ -176,14 +178,10 @@ def test_an_interrupt_takes_back_what_was_handed_over(
         _, said = run.communicate(timeout=TIMEOUT_S)
         assert (run.returncode, said) == (130, "gaia: interrupted\n")
         with cluster.client() as client:
-            wait_for(lambda: not client.run_on_scheduler(number_of_tasks))
+            wait_for(lambda: not client.run_on_scheduler(deadly_zones.number_of_tasks))
     finally:
         cluster.hold.unlink()
     assert list((tmp_path / "out").glob(".*")) == []
-
-
-def number_of_tasks(dask_scheduler: distributed.Scheduler) -> int:
-    return len(dask_scheduler.tasks)
 
 
 def problem_of(logs: Path, out: Path, address: str) -> str:
@@ -263,3 +261,9 @@ def test_the_extra_is_named(logs: Path, tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(fleet_dask, "find_spec", lambda name: None)
     said = problem_of(logs, tmp_path, "tcp://127.0.0.1:1")
     assert said == "--scheduler needs the extra 'fleet': pip install 'gaia-uwb[fleet]'"
+
+
+def test_workers_of_two_kinds_are_refused(logs: Path) -> None:
+    options = ["--workers", "2", "--scheduler", "tcp://127.0.0.1:1"]
+    done = CliRunner().invoke(app, ["fleet", str(logs), *options])
+    assert str(done.exception) == "--workers: a scheduler has workers of its own"
