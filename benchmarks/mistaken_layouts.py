@@ -52,10 +52,9 @@ def main() -> None:
     worse = np.exp(np.mean([np.log(e / e.min()) for e in errors.values()], axis=0))
     share, times = np.unravel_index(worse.argmin(), worse.shape)
     print("error as a multiple of each data's best, geometric mean:")
-    for name, row in zip(SHARES, worse, strict=True):
-        print(
-            f"  {name:.1%}  {'  '.join(f'x{t:g}: {w:.3f}' for t, w in zip(TIMES, row, strict=True))}"
-        )
+    for quantile, row in zip(SHARES, worse, strict=True):
+        texts = (f"x{t:g}: {w:.3f}" for t, w in zip(TIMES, row, strict=True))
+        print(f"  {quantile:.1%}  {'  '.join(texts)}")
     print(f"least: {SHARES[share]:.1%} x {TIMES[times]:g}")
 
 
