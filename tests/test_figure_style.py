@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gaia_uwb.figure_style import figure_files, house_style, look, new_figure
+from gaia_uwb.figure_style import figure_files, house_style, legend_above, look, new_figure
 from gaia_uwb.reproduce.plan import METHODS
 
 
@@ -32,3 +32,17 @@ def test_methods_can_be_told_apart() -> None:
     assert len({each.colour for each in looks}) == len(looks)
     assert len({each.mark for each in looks}) == len(looks)
     assert look("somebody's").label == "somebody's"
+
+
+def test_a_legend_of_all_methods_stays_on_the_page() -> None:
+    with house_style():
+        figure = new_figure(2.5)
+        axes = figure.subplots()
+        for method in METHODS:
+            axes.plot([0.0, 1.0], label=look(method.name).label)
+        legend_above(figure, axes)
+        figure.draw_without_rendering()
+    box, page = figure.legends[0].get_window_extent(), figure.bbox
+    assert page.x0 <= box.x0 and box.x1 <= page.x1
+    assert page.y0 <= box.y0 and box.y1 <= page.y1
+    assert box.y0 >= axes.get_window_extent().y1  # above, not on top of what is drawn

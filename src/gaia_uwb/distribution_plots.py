@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gaia_uwb._typing import Array, Float64
-from gaia_uwb.figure_style import INK, house_style, look, new_figure
+from gaia_uwb.figure_style import INK, house_style, legend_above, look, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,7 +49,7 @@ def plot_cdfs(panels: Panels) -> Figure:
             axes.set(xlabel=label, ylim=(0.0, 1.0))
             _limit(axes, by_method)
         grid[0].set_ylabel("share of episodes")
-        figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper center", ncols=8)
+        legend_above(figure, grid[0])
     return figure
 
 

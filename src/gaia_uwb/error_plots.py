@@ -9,7 +9,7 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.error_statistics import autocorrelation
-from gaia_uwb.figure_style import house_style, look, new_figure
+from gaia_uwb.figure_style import house_style, legend_above, look, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -122,7 +122,7 @@ def plot_error_over_distance(panels: Mapping[str, Mapping[str, Errors]]) -> Figu
             axes.yaxis.set_major_formatter("{x:g}")
             axes.minorticks_off()
         grid[0].set_ylabel("size of the range error (m)")
-        figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper center", ncols=8)
+        legend_above(figure, grid[0])
     return figure
 
 

@@ -16,12 +16,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 WIDTH_IN = 7.1
 """Width of a page's text, in inches."""
 INK, GRID, TRUTH = "#222222", "#E3E3E3", "#222222"
 _PNG_DPI = 200
+_MOST_IN_A_ROW = 6  # of a legend
 
 STYLE: dict[str, Any] = {
     "font.size": 8.0,
@@ -127,3 +129,19 @@ def figure_files(figure: Figure, *, note: str = "") -> dict[str, bytes]:
             figure.savefig(buffer, format=kind, dpi=_PNG_DPI, metadata=own)
             files[kind] = buffer.getvalue()
     return files
+
+
+def legend_above(figure: Figure, axes: Axes) -> None:
+    """Put one legend above all panels, in as many rows as the page's width asks for.
+
+    Parameters
+    ----------
+    figure
+        The figure, with a constrained layout.
+    axes
+        A panel that shows everything that is explained.
+    """
+    handles, labels = axes.get_legend_handles_labels()
+    n_rows = -(-len(labels) // _MOST_IN_A_ROW)
+    n_columns = -(-len(labels) // n_rows) if labels else 1
+    figure.legend(handles, labels, loc="outside upper center", ncols=n_columns)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gaia_uwb._typing import Array, Float64
-from gaia_uwb.figure_style import INK, house_style, look, new_figure
+from gaia_uwb.figure_style import INK, house_style, legend_above, look, new_figure
 from gaia_uwb.geometry import convex_hull
 
 if TYPE_CHECKING:
@@ -69,8 +69,7 @@ def plot_layouts(zones: Sequence[Sequence[Zone]], row_titles: Sequence[str] = ()
             grid[k, 0].set_ylabel(f"{title}across (m)")
         for axes in grid[-1]:
             axes.set_xlabel("along the zone (m)")
-        handles, labels = grid[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+        legend_above(figure, grid[0, 0])
     return figure
 
 

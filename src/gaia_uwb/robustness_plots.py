@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from gaia_uwb.figure_style import house_style, look, new_figure
+from gaia_uwb.figure_style import house_style, legend_above, look, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,5 +56,5 @@ def plot_robustness(results: Mapping[str, Any]) -> Figure:
         for axes in grid[::_COLUMNS]:
             axes.set_ylabel("IoU")
         grid[0].set_ylim(bottom=0.0)
-        figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper center", ncols=8)
+        legend_above(figure, grid[0])
     return figure
