@@ -98,6 +98,15 @@ def test_all_problems_in_one_line() -> None:
         assert name in text
 
 
+def test_many_or_endless_problems_are_told_in_part() -> None:
+    with pytest.raises(ConfigError) as caught:
+        make_config({f"k{n}": n for n in range(2000)} | {"alignment": {"a\nb" * 9000: 1}})
+    text = str(caught.value)
+    assert text.endswith("; and 1996 more")
+    assert len(text) < 1000
+    assert "\n" not in text
+
+
 @pytest.mark.parametrize(
     "text",
     [

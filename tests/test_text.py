@@ -9,7 +9,7 @@ import hypothesis.strategies as st
 import pytest
 from markdown_it import MarkdownIt
 
-from gaia_uwb._text import in_html, in_markdown, printable
+from gaia_uwb._text import in_html, in_markdown, printable, shown
 
 HOSTILE = (
     "</script><script>alert(1)</script>", '<img src=x onerror="alert(1)">', "a|b", "*a* _b_ `c`",
@@ -90,3 +90,9 @@ def test_html_shows_the_text_itself(text: str) -> None:
 def test_nothing_is_named_as_such() -> None:
     assert printable(" \n") == "(no name)"
     assert printable("\ud800") == "\\ud800"
+
+
+@pytest.mark.parametrize("value", ["x" * 10**6, [[[["y" * 99] * 99] * 99] * 99], {"a\n": {}}, 3])
+def test_any_value_is_shown_on_one_short_line(value: object) -> None:
+    assert len(shown(value)) < 200
+    assert "\n" not in shown(value)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import UTC, date, datetime
+from datetime import UTC, date, datetime, timedelta, timezone
 from pathlib import Path
 
 import pytest
@@ -44,6 +44,8 @@ def test_yaml_dates_and_texts_are_the_same(tmp_path: Path) -> None:
         ({"start_date": 7}, "start_date: expected a date like"),
         ({"start_date": date(2026, 11, 22)}, "start_date: expected a date like"),
         ({"start_date": datetime(2026, 11, 22)}, "start_date: expected a date with its time zone"),
+        ({"start_date": datetime(1, 1, 1, tzinfo=timezone(timedelta(hours=5)))},
+         "start_date: expected a date like"),
         ({"end_date": "2026-11-22T09:00:00Z"}, "end_date: expected a date after start_date"),
         ({"device_ids": {"a": "1", "b": "1"}}, "device_ids: expected different ids"),
         ({"contact_email": "nobody"}, "contact_email"),

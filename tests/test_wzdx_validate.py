@@ -196,6 +196,13 @@ def test_what_only_looks_wrong_is_a_warning(path: str, value: object, said: str)
     assert any(said in line for line in warnings(feed))
 
 
+def test_a_line_is_short_whatever_a_feed_holds() -> None:
+    feed = written("event")
+    for path in ("bbox", "feed_info/version", "features/0/geometry/coordinates", "features/0/id"):
+        for value in ([feed] * 50, {"a": [feed] * 50}, "x" * 10**6):
+            assert all(len(line) < 500 for line in errors(put(feed, path, value)))
+
+
 def test_a_ring_is_a_warning() -> None:
     feed = written("event")
     line = feed["features"][0]["geometry"]["coordinates"]

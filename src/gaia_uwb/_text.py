@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import html
 import re
+import reprlib
 
 # What CommonMark, GitHub's tables, automatic links, mentions, mathematics and smileys act on.
 _MARKS = re.compile(r"([\\`*_{}\[\]()<>#!|&~$@])")
+_LONGEST_TEXT = 150
 _LINKS = re.compile(r"(?i)(https?|ftp|mailto|xmpp):|\b(www)\.|:(?=[\w+-]+:)")
 
 
@@ -24,6 +26,34 @@ def printable(text: str) -> str:
     """
     shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in " ".join(text.split()))
     return shown or "(no name)"
+
+
+def shown(value: object) -> str:
+    """Return how Python writes a value, shortened, for a message that says what came.
+
+    Parameters
+    ----------
+    value
+        Any, of any size.
+
+    Examples
+    --------
+    >>> from gaia_uwb._text import shown
+    >>> shown(["A", "B"]), len(shown([["A" * 1000] * 1000] * 1000)) < 200
+    ("['A', 'B']", True)
+    """
+    return shortened(reprlib.repr(value))
+
+
+def shortened(text: str) -> str:
+    """Return the start of a text that is longer than a message can hold.
+
+    Parameters
+    ----------
+    text
+        Any.
+    """
+    return text if len(text) <= _LONGEST_TEXT else f"{text[:_LONGEST_TEXT]}..."
 
 
 def in_markdown(text: str) -> str:

@@ -10,15 +10,17 @@ then a YAML file, then the command line. An unknown key or an impossible value i
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from gaia_uwb._text import printable, shortened, shown
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.strict_yaml import read_yaml
+
+_MOST_PROBLEMS = 5
 
 
 class Settings(BaseModel):
@@ -218,17 +220,34 @@ def make_config(content: Any, *, source: str = "settings") -> PipelineConfig:
     try:
         return PipelineConfig.model_validate(content)
     except ValidationError as error:
-        problems = "; ".join(_problem(details) for details in error.errors())
-        raise ConfigError(f"{source}: {problems}") from error
+        raise ConfigError(f"{source}: {settings_problems(error)}") from error
+
+
+def settings_problems(error: ValidationError) -> str:
+    """Say in one line what pydantic found wrong with settings; of many problems the first few.
+
+    Parameters
+    ----------
+    error
+        What came of building any :class:`Settings`.
+    """
+    problems = [_problem(details) for details in error.errors()]
+    more = [f"and {len(problems) - _MOST_PROBLEMS} more"] if len(problems) > _MOST_PROBLEMS else []
+    return "; ".join([*problems[:_MOST_PROBLEMS], *more])
 
 
 def _problem(details: Mapping[str, Any]) -> str:
-    """Say in words what pydantic found wrong with one setting."""
-    place = ".".join(map(str, details["loc"])) or "top level"
+    """Say in words what is wrong with one setting; a rule between settings has no place."""
+    place = shortened(printable(".".join(map(str, details["loc"])) or "top level"))
     if details["type"] == "extra_forbidden":
         return f"{place}: unknown key"
-    expected = details["msg"][:1].lower() + details["msg"][1:]
-    return f"{place}: {expected}, got {reprlib.repr(details['input'])}"
+    if details["type"] == "missing":
+        return f"{place}: required"
+    message = shortened(printable(str(details["msg"]).removeprefix("Value error, ")))
+    if details["type"] == "value_error" and not details["loc"]:
+        return message
+    message = message[:1].lower() + message[1:]
+    return f"{place}: {message}, got {shown(details['input'])}"
 
 
 def dump_config(config: BaseModel) -> str:

@@ -10,7 +10,8 @@ from typing import Annotated
 
 from pydantic import Field, ValidationError
 
-from gaia_uwb.config import Settings
+from gaia_uwb._text import shown
+from gaia_uwb.config import Settings, settings_problems
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.learning_sets import LearningSetOptions
 from gaia_uwb.model import (
@@ -108,11 +109,10 @@ def load_recipe(path: Path, default: Recipe) -> Recipe:
             raise ConfigError(f"{path}: expected sections {', '.join(sections)}, nothing else")
         for name, changes in content.items():
             if not isinstance(changes, dict):
-                raise ConfigError(f"{path}: {name}: expected settings, got {changes!r}")
+                raise ConfigError(f"{path}: {name}: expected settings, got {shown(changes)}")
             sections[name] |= changes
         return Recipe.model_validate(sections)
     except ValidationError as error:
-        problems = (f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
-        raise ConfigError(f"{path}: {'; '.join(problems)}") from error
+        raise ConfigError(f"{path}: {settings_problems(error)}") from error
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path}: cannot read a recipe: {error}") from error

@@ -14,10 +14,11 @@ gaia_uwb.strict_yaml.YamlError: line 2: the key 'name' is here twice
 
 from __future__ import annotations
 
-import reprlib
 from functools import cache
 from pathlib import Path
 from typing import Any
+
+from gaia_uwb._text import shown
 
 MAX_BYTES = 2**18
 """Settings are smaller than this."""
@@ -139,7 +140,7 @@ def _loader() -> Any:
             if isinstance(key, (list, dict, set)):
                 raise _error(key_node.start_mark, "expected a name as key")
             if key in found:
-                raise _error(key_node.start_mark, f"the key {reprlib.repr(key)} is here twice")
+                raise _error(key_node.start_mark, f"the key {shown(key)} is here twice")
             found[key] = loader.construct_object(value_node, deep=True)
 
     def scalar(loader: Any, node: Any) -> Any:

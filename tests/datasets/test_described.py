@@ -60,9 +60,9 @@ def test_lever_arm_anchors_and_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"rangs": []}, "gaia.yaml: rangs: Extra inputs"),
-        ({"ranges": []}, "gaia.yaml: ranges: List should have at least 1 item"),
-        ({"ranges": [{"file": "a.csv", "format": "xml"}]}, "gaia.yaml: ranges.0: Input tag 'xml'"),
+        ({"rangs": []}, "gaia.yaml: rangs: unknown key"),
+        ({"ranges": []}, "gaia.yaml: ranges: list should have at least 1 item"),
+        ({"ranges": [{"file": "a.csv", "format": "xml"}]}, "gaia.yaml: ranges.0: input tag 'xml'"),
         ({"lever_arm": {"forward_m": "far"}}, "gaia.yaml: lever_arm.forward_m: "),
     ],
 )

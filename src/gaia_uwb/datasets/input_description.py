@@ -16,7 +16,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
-from gaia_uwb.config import Settings
+from gaia_uwb.config import Settings, settings_problems
 from gaia_uwb.datasets._bag_fields import FieldMap
 from gaia_uwb.datasets._lever_arm import LeverArm
 from gaia_uwb.datasets._logs import check_file
@@ -139,9 +139,6 @@ def read_description(path: Path) -> InputDescription:
         content = read_yaml(path)
         return InputDescription.model_validate(content)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = " ".join(".".join(map(str, first["loc"])).split()) or "top level"
-        message = " ".join(first["msg"].removeprefix("Value error, ").split())
-        raise ConfigError(f"{path}: {key[:100]}: {message[:200]}") from error
+        raise ConfigError(f"{path}: {settings_problems(error)}") from error
     except (OSError, ValueError) as error:
         raise InputError(f"cannot be read: {error}", source=path) from error

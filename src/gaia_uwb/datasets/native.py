@@ -32,7 +32,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError
 
-from gaia_uwb.config import Settings
+from gaia_uwb.config import Settings, settings_problems
 from gaia_uwb.datasets import _plausible
 from gaia_uwb.datasets._cells import Kind
 from gaia_uwb.datasets._places import Places, first_place, place_kinds, to_places
@@ -214,9 +214,7 @@ def _read_scene_file(path: Path) -> _SceneContent:
         content = read_yaml(path)
         return _SceneContent.model_validate({} if content is None else content)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"]))
-        raise InputError(f"{key or 'top level'}: {first['msg']}", source=path) from error
+        raise InputError(settings_problems(error), source=path) from error
     except (OSError, ValueError) as error:
         raise InputError(f"cannot be read: {error}", source=path) from error
 

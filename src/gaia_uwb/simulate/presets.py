@@ -15,6 +15,7 @@ from types import MappingProxyType
 
 from pydantic import ValidationError
 
+from gaia_uwb.config import settings_problems
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.scene import LocalFrame
 from gaia_uwb.simulate.settings import (
@@ -64,10 +65,7 @@ def load_preset(path: Path) -> PassConfig:
         content = read_yaml(path)
         return PassConfig.model_validate({} if content is None else content)
     except ValidationError as error:
-        problems = (
-            f"{'.'.join(map(str, e['loc'])) or 'preset'}: {e['msg']}" for e in error.errors()
-        )
-        raise ConfigError(f"{path}: {'; '.join(problems)}") from error
+        raise ConfigError(f"{path}: {settings_problems(error)}") from error
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path}: cannot read a preset: {error}") from error
 

@@ -38,11 +38,14 @@ def in_utc(date: datetime) -> datetime:
     Raises
     ------
     ValueError
-        If the date has no time zone.
+        If the date has no time zone, or lies outside the years 1 to 9999 in UTC.
     """
     if date.tzinfo is None:
         raise ValueError("expected a date with its time zone, such as 2026-11-22T10:00:00Z")
-    return date.astimezone(UTC).replace(microsecond=0)
+    try:
+        return date.astimezone(UTC).replace(microsecond=0)
+    except OverflowError as error:  # the first day of the year 1, east of Greenwich
+        raise ValueError(EXPECTED) from error
 
 
 def date_text(date: datetime) -> str:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-import reprlib
 from collections.abc import Iterator, Sequence
 from typing import Any, TypeGuard
 
+from gaia_uwb._text import shown
 from gaia_uwb.wzdx.problems import Problem, json_path
 
 Step = str | int
@@ -35,14 +35,14 @@ def check_geometry(
     kind, coordinates = geometry.get("type"), geometry.get("coordinates")
     if kind not in allowed:
         expected = " or ".join(allowed)
-        yield Problem(json_path(*place, "type"), f"expected {expected}, got {reprlib.repr(kind)}")
+        yield Problem(json_path(*place, "type"), f"expected {expected}, got {shown(kind)}")
         return
     if kind == "Point":
         yield from check_position(coordinates, [*place, "coordinates"], bbox)
         return
     if not isinstance(coordinates, list) or not coordinates:
         path = json_path(*place, "coordinates")
-        yield Problem(path, f"expected a list of positions, got {reprlib.repr(coordinates)}")
+        yield Problem(path, f"expected a list of positions, got {shown(coordinates)}")
         return
     sound = True
     for k, position in enumerate(coordinates):
@@ -57,7 +57,7 @@ def check_position(position: Any, place: Sequence[Step], bbox: Any) -> Iterator[
     """Yield what is wrong with one position."""
     path = json_path(*place)
     if not _are_numbers(position) or len(position) not in (2, 3):
-        yield Problem(path, f"expected [longitude, latitude], got {reprlib.repr(position)}")
+        yield Problem(path, f"expected [longitude, latitude], got {shown(position)}")
         return
     lon, lat = position[:2]
     if abs(lon) > 180.0:
@@ -78,12 +78,12 @@ def check_bbox(bbox: Any) -> Iterator[Problem]:
     path = json_path("bbox")
     if not _is_box(bbox):
         expected = "expected [west, south, east, north]"
-        yield Problem(path, f"{expected}, got {reprlib.repr(bbox)}")
+        yield Problem(path, f"{expected}, got {shown(bbox)}")
         return
     west, south, east, north = _edges(bbox)
     if not (abs(west) <= 180.0 and abs(east) <= 180.0 and -90.0 <= south <= north <= 90.0):
         expected = "expected [west, south, east, north] in degrees, south before north"
-        yield Problem(path, f"{expected}, got {reprlib.repr(bbox)}")
+        yield Problem(path, f"{expected}, got {shown(bbox)}")
 
 
 def heading_deg(coordinates: Sequence[Sequence[float]]) -> float:

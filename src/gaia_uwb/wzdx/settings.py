@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
@@ -19,7 +18,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 
-from gaia_uwb.config import Settings
+from gaia_uwb.config import Settings, settings_problems
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.strict_yaml import read_yaml
 from gaia_uwb.wzdx.dates import EXPECTED, in_utc, parse_date
@@ -189,17 +188,4 @@ def make_feed_config(content: Any, *, source: str = "feed settings") -> FeedConf
     try:
         return FeedConfig.model_validate(content)
     except ValidationError as error:
-        problems = "; ".join(_problem(details) for details in error.errors())
-        raise ConfigError(f"{source}: {problems}") from error
-
-
-def _problem(details: Mapping[str, Any]) -> str:
-    place = ".".join(map(str, details["loc"]))
-    prefix = f"{place}: " if place else ""
-    if details["type"] == "extra_forbidden":
-        return f"{prefix}unknown key"
-    if details["type"] == "missing":
-        return f"{prefix}required"
-    message = str(details["msg"]).removeprefix("Value error, ")
-    got = f", got {reprlib.repr(details['input'])}" if place else ""
-    return f"{prefix}{message[:1].lower() + message[1:] if place else message}{got}"
+        raise ConfigError(f"{source}: {settings_problems(error)}") from error

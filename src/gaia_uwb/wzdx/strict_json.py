@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import json
 import math
-import reprlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NoReturn
 
+from gaia_uwb._text import shown
 from gaia_uwb.errors import InputError
 
 LARGEST_BYTES = 25_000_000
@@ -92,7 +92,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         seen: set[str] = set()
         for key, _ in pairs:
             if key in seen:
-                raise ValueError(f"the key {reprlib.repr(key)} appears twice in one object")
+                raise ValueError(f"the key {shown(key)} appears twice in one object")
             seen.add(key)
     return found
 
@@ -104,13 +104,13 @@ def _constant(text: str) -> NoReturn:
 def _float(text: str) -> float:
     number = float(text)
     if not math.isfinite(number):
-        raise ValueError(f"the number {reprlib.repr(text)} is too large")
+        raise ValueError(f"the number {shown(text)} is too large")
     return number
 
 
 def _integer(text: str) -> int:
     if len(text) > _LONGEST_NUMBER:
-        raise ValueError(f"the number {reprlib.repr(text)} is too large")
+        raise ValueError(f"the number {shown(text)} is too large")
     return int(text)
 
 

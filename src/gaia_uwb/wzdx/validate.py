@@ -8,7 +8,6 @@ $.feed_info: required
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, islice
@@ -17,6 +16,7 @@ from typing import Any, Literal, TypeAlias
 
 from pydantic import ValidationError
 
+from gaia_uwb._text import shown
 from gaia_uwb.wzdx import models
 from gaia_uwb.wzdx.places import Step, check_bbox, check_geometry
 from gaia_uwb.wzdx.problems import Problem, json_path
@@ -143,7 +143,7 @@ class _Check:
         version = info.get("version") if isinstance(info, dict) else None
         if isinstance(version, str) and version not in VERSIONS:
             known = "4.2 (WZDx) or 1.0 (CWZ)"
-            yield Problem(json_path(name, "version"), f"expected {known}, got {version!r}")
+            yield Problem(json_path(name, "version"), f"expected {known}, got {shown(version)}")
         self.profile = _profile(info)
         model = models.CwzFeedInfo if self.profile == "cwz-1.0" else models.FeedInfo
         wrong = list(_model_problems(model, info, [name]))
@@ -154,7 +154,7 @@ class _Check:
             for k, data_source_id in enumerate(ids):
                 if data_source_id in ids[:k]:
                     path = json_path(name, "data_sources", k, "data_source_id")
-                    yield Problem(path, f"the id {reprlib.repr(data_source_id)} is used twice")
+                    yield Problem(path, f"the id {shown(data_source_id)} is used twice")
 
     def _feature(self, feature: Any, k: int, kind: FeedKind) -> Iterator[Problem]:
         place: list[Step] = ["features", k]
@@ -188,13 +188,13 @@ class _Check:
     def _unique(self, feature_id: str, k: int) -> Iterator[Problem]:
         first = self.seen.setdefault(feature_id, k)
         if first != k:
-            text = f"the id {reprlib.repr(feature_id)} is that of features[{first}] already"
+            text = f"the id {shown(feature_id)} is that of features[{first}] already"
             yield Problem(json_path("features", k, "id"), text)
 
     def _source(self, details: dict[str, Any], place: Sequence[Step]) -> Iterator[Problem]:
         source = details["data_source_id"]
         if self.sources is not None and source not in self.sources:
-            text = f"{reprlib.repr(source)} is none of feed_info.data_sources"
+            text = f"{shown(source)} is none of feed_info.data_sources"
             yield Problem(json_path(*place, "core_details", "data_source_id"), text)
 
     def _related(self) -> Iterator[Problem]:
@@ -205,7 +205,7 @@ class _Check:
                 other_id = other.get("id") if isinstance(other, dict) else None
                 if isinstance(other_id, str) and other_id not in self.seen:
                     place = ("features", k, "properties", "core_details", "related_road_events", j)
-                    text = f"{reprlib.repr(other_id)} is no event of this feed"
+                    text = f"{shown(other_id)} is no event of this feed"
                     yield Problem(json_path(*place, "id"), text, is_error=False)
 
 
@@ -231,10 +231,10 @@ def _said(details: Mapping[str, Any]) -> str:
     if details["type"] == "missing":
         return "required"
     if details["type"] in ("model_type", "dict_type"):
-        return f"expected an object, got {reprlib.repr(details['input'])}"
+        return f"expected an object, got {shown(details['input'])}"
     message = str(details["msg"]).removeprefix("Value error, ").removeprefix("Input should be ")
     expected = message if message.startswith("expected") else f"expected {message}"
-    return f"{expected}, got {reprlib.repr(details['input'])}"
+    return f"{expected}, got {shown(details['input'])}"
 
 
 def _details(feature: Any) -> dict[str, Any]:
@@ -277,4 +277,4 @@ def _dangling_events(document: Any, event_ids: set[str]) -> Iterator[Problem]:
         for steps, event_id in references:
             if isinstance(event_id, str) and event_id not in event_ids:
                 path = json_path("features", k, "properties", *steps)
-                yield Problem(path, f"{reprlib.repr(event_id)} is no event of the feeds given")
+                yield Problem(path, f"{shown(event_id)} is no event of the feeds given")
