@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -54,6 +55,28 @@ def test_results_that_are_none(
     (tmp_path / "report.json").write_text(good if report is None else report)
     (tmp_path / "boundary.geojson").write_text(geojson)
     with pytest.raises(InputError, match=problem):
+        read_zone(tmp_path)
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 1e18, None])
+@pytest.mark.parametrize(
+    "path",
+    [("anchors", 1, "east_m"), ("boundary", "hull_m", 0, 1), ("anchors", 0, "covariance_m2")],
+)
+def test_numbers_that_no_site_has_are_refused(
+    tmp_path: Path, path: tuple[str | int, ...], value: float | None
+) -> None:
+    report: Any = json.loads(json.dumps(make_report(make_reconstruction())))
+    node = report
+    for step in path[:-1]:
+        node = node[step]
+    node[path[-1]] = [[1.0, 0.0], [0.0, value]] if path[-1] == "covariance_m2" else value
+    (tmp_path / "report.json").write_text(json.dumps(report))
+    (tmp_path / "boundary.geojson").write_text(json.dumps(boundary_geojson(make_reconstruction())))
+    if path[-1] == "covariance_m2" and value in (1e18, None):
+        assert read_zone(tmp_path).cones  # a poor fix, or an unknown one
+        return
+    with pytest.raises(InputError, match="not a report of this version"):
         read_zone(tmp_path)
 
 

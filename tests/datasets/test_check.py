@@ -173,6 +173,13 @@ def test_lines_are_text_for_people() -> None:
     ]
 
 
+def test_a_name_of_two_lines_takes_one() -> None:
+    report = check_scene(replace(make_scene(), name="a\nb", anchor_ids=("c\nd", "e", "f")))
+    assert report.lines()[0] == "a\\nb"
+    assert any("c\\nd" in line for line in report.lines())
+    assert not any("\n" in line for line in report.lines())
+
+
 def test_a_log_that_cannot_be_read() -> None:
     error = InputError("is empty", source="x/ranges.csv")
     report = CheckReport.of_failure("x", error)

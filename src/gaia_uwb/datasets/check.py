@@ -153,7 +153,7 @@ class CheckReport:
         lines += [f"  PROBLEM: {problem}" for problem in self.problems]
         if not self.problems:
             lines.append("  no problems found")
-        return lines
+        return [line.replace("\n", "\\n") for line in lines]  # a name may hold anything
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as plain values; a number that is not finite is None."""

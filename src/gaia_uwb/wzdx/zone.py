@@ -23,6 +23,7 @@ from gaia_uwb.wzdx.strict_json import read_json
 from gaia_uwb.wzdx.travel import passed_at, stretch, thinned
 
 _ALONG = 0.5  # of the zone's extent: a drive along it has a longer way
+_FARTHEST_M, _LARGEST_M2 = 1e7, 1e100  # a poor fix may be far off, but not farther
 _NOT_THE_LOG = (
     *(f": {status.message}" for status in AnchorStatus),
     "so there is no boundary",
@@ -109,6 +110,7 @@ def read_zone(folder: Path) -> Zone:
         frame = None if report["frame"] is None else LocalFrame(**report["frame"])
         anchors = [_read_fix(row) for row in report["anchors"]]
         hull_m = np.array(report["boundary"]["hull_m"], dtype=np.float64).reshape(-1, 2)
+        _check_sizes(anchors, hull_m)
         reasons = None if report["status"] == "ok" else tuple(map(str, report["reasons"]))
         name = str(report["scene"])
     except (KeyError, TypeError, ValueError, OverflowError, InputError) as error:
@@ -136,6 +138,15 @@ def _read_fix(row: Mapping[str, Any]) -> AnchorFix:
         status=AnchorStatus(row["status"]),
         n_ranges=int(row["n_ranges"]),
     )
+
+
+def _check_sizes(anchors: Sequence[AnchorFix], hull_m: Float64[Array, "H 2"]) -> None:
+    """Refuse places that are on no site, and covariances that nobody can compute with."""
+    places_m = [hull_m, *(np.stack([fix.position_m, fix.mirror_position_m]) for fix in anchors)]
+    if not np.isfinite(hull_m).all() or any((np.abs(m) > _FARTHEST_M).any() for m in places_m):
+        raise ValueError(f"expected places within {_FARTHEST_M:g} m")
+    if any((np.abs(fix.covariance_m2) > _LARGEST_M2).any() for fix in anchors):
+        raise ValueError(f"expected covariances of at most {_LARGEST_M2:g} m^2")
 
 
 def _read_path(file: Path, name: str, frame: LocalFrame) -> Float64[Array, "T 2"]:
