@@ -4,28 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from outdoor_files import ROW, SUMMARY, write_static
 
 from gaia_uwb.datasets.outdoor_static import load_static
 from gaia_uwb.errors import InputError
 
-HEADER = (
-    "timestamp,Transmission #,Reception #,maxNoise,Distance,Channel,FirstPathAmp1,FirstPathAmp2,"
-    "FirstPathAmp3,Max Growth CIR,Rx Preamble Count,Standard Noise,RSSI(dBm),RSSI_fp(dBm),rtd_init,"
-    "rtd_resp,resp_rx_ts,poll_tx_ts,resp_tx_ts,poll_rx_ts,anchor_id"
-)
-ROW = "1723714442.5,6,5,1236.0,10.04,5.0,14808,14198,9559,6759,230,48.0,-79.5,-81.0,1,2,3,4,5,6,12"
-SUMMARY = "Distance Mean,10.07\nDistance Std,0.02\nRSSI(dBm) Mean,-79.5\nRSSI(dBm) Std,\n"
-
-
-def write_file(data: Path, place: str, *rows: str) -> None:
-    path = data / "Static_measurements" / place
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join([HEADER, *rows, ""]))
-
 
 def test_reads_readings_and_counts_garbled_rows(tmp_path: Path) -> None:
     garbled = ROW.replace("-79.5", "t: 3")
-    write_file(
+    write_static(
         tmp_path,
         "LOS/height_162.5cm/10m.csv",
         ROW,
@@ -45,10 +32,16 @@ def test_reads_readings_and_counts_garbled_rows(tmp_path: Path) -> None:
     assert file.n_damaged == 3
 
 
+def test_a_file_that_is_being_fetched_is_none_yet(tmp_path: Path) -> None:
+    write_static(tmp_path, "LOS/height_50.0cm/6m.csv", ROW)
+    write_static(tmp_path, "LOS/height_50.0cm/.gaia-0-1-2-3-7m.csv")
+    assert [file.distance_m for file in load_static(tmp_path)] == [6.0]
+
+
 def test_files_without_readings_are_no_error(tmp_path: Path) -> None:
-    write_file(tmp_path, "NLOS/height_50.0cm/60m.csv")
-    write_file(tmp_path, "NLOS/height_50.0cm/6m.csv", ROW)
-    write_file(tmp_path, "LOS/height_200.0cm/60m.csv", "," * 20)
+    write_static(tmp_path, "NLOS/height_50.0cm/60m.csv")
+    write_static(tmp_path, "NLOS/height_50.0cm/6m.csv", ROW)
+    write_static(tmp_path, "LOS/height_200.0cm/60m.csv", "," * 20)
     files = load_static(tmp_path)
     places = [(file.nlos, file.distance_m, len(file), file.n_damaged) for file in files]
     assert places == [(False, 60.0, 0, 0), (True, 6.0, 1, 0), (True, 60.0, 0, 0)]
@@ -57,7 +50,7 @@ def test_files_without_readings_are_no_error(tmp_path: Path) -> None:
 def test_names_what_is_wrong(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="has no Static_measurements"):
         load_static(tmp_path)
-    write_file(tmp_path, "LOS/height_xcm/6m.csv", ROW)
+    write_static(tmp_path, "LOS/height_xcm/6m.csv", ROW)
     with pytest.raises(InputError, match=r"6m\.csv: expected a name like LOS/height_50\.0cm/2m"):
         load_static(tmp_path)
     (tmp_path / "Static_measurements/LOS/height_xcm").rename(

@@ -1,71 +1,16 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
+from outdoor_files import SITE, SURVEY, TURN_RAD, rotated, write_run
 
 from gaia_uwb.datasets.outdoor_uwb import ANCHOR_IDS, RUNS, load, select_runs
 from gaia_uwb.errors import InputError, SourceError
-from gaia_uwb.projection import to_geodetic, to_local
-from gaia_uwb.scene import LocalFrame
-
-START_NS = 1_730_017_526_625_169_679
-SITE = LocalFrame(lat_deg=37.5552, lon_deg=127.0453, alt_m=49.0)
-TURN_RAD = np.radians(19.5)
-SURVEY = {"3": (2.58, -0.87, 1.97), "5": (-2.58, 0.87, 1.97), "9": (0, 0.5, 0.5), "12": (1, 0, 0.5)}
-
-
-def rotated(position_m: np.ndarray, angle_rad: float) -> np.ndarray:
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    return position_m @ np.array([[cos, sin], [-sin, cos]])
-
-
-def write_run(data: Path, *, lever_arm_m: float = 0.185) -> np.ndarray:
-    """Write a run in the data set's files; return the tag's path in east and north."""
-    folder = data / "Dynamic_measurements" / "NLOS" / "Trajectory_B" / "Case_4"
-    folder.mkdir(parents=True)
-    stamp_ns = START_NS + np.arange(80) * 125_000_000
-    angle_rad = np.linspace(0, 2 * np.pi, 80)
-    path_m = np.column_stack([8 * np.cos(angle_rad), 5 * np.sin(angle_rad)])
-    heading_rad = angle_rad + np.pi / 2
-    ahead = np.column_stack([np.cos(heading_rad), np.sin(heading_rad)])
-    antenna_m = rotated(path_m - lever_arm_m * ahead, -TURN_RAD)
-    lat_deg, lon_deg, alt_m = to_geodetic(SITE, antenna_m, np.full(80, 1.0))
-    pl.DataFrame(
-        {
-            "timestamp": [f"{float(stamp):.16e}" for stamp in stamp_ns],
-            "x": path_m[:, 0],
-            "y": path_m[:, 1],
-            "z": np.zeros(80),
-            "heading_degrees": np.degrees(heading_rad),
-        }
-    ).write_csv(folder / "trajectory.csv")
-    pl.DataFrame(
-        {
-            "%time": stamp_ns,
-            "field.header.stamp": stamp_ns,
-            "field.latitude": lat_deg,
-            "field.longitude": lon_deg,
-            "field.altitude": alt_m,
-        }
-    ).write_csv(folder / "gnss.csv")
-    for k, (anchor_id, (x, y, z)) in enumerate(SURVEY.items()):
-        pl.DataFrame(
-            {
-                "%time": stamp_ns,
-                "field.stamp": stamp_ns + 1_000_001 * k - 200_000_000,
-                "field.id": int(anchor_id),
-                "field.x": float(x),
-                "field.y": float(y),
-                "field.z": float(z),
-                "field.distanceFromTag": 5.0 + np.arange(80),
-                "field.rssi": [float("-inf")] + [-80.0] * 79,
-                "field.rssi_fp": -82.0,
-            }
-        ).write_csv(folder / f"A{anchor_id}.csv")
-    return rotated(path_m, -TURN_RAD)
+from gaia_uwb.projection import to_local
 
 
 def test_turns_the_frame_to_east_and_north(tmp_path: Path) -> None:
@@ -104,6 +49,32 @@ def test_heights_times_and_labels(tmp_path: Path) -> None:
 def test_a_frame_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     write_run(tmp_path, lever_arm_m=0.4)
     with pytest.raises(InputError, match=r"trajectory\.csv: fits gnss\.csv only to 0\.062 m"):
+        load(tmp_path, "NLOS/B/4")
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "value", "problem"),
+    [
+        ("trajectory", "timestamp", "1e300", "row 6, column timestamp: expected nanoseconds"),
+        ("trajectory", "timestamp", "-1e18", "row 6, column timestamp: expected nanoseconds"),
+        ("trajectory", "x", "1e308", "row 6, column x: expected metres within"),
+        ("trajectory", "z", "1e7", "row 6, column z: expected metres within"),
+        ("gnss", "field.latitude", "1e200", "row 6, column field.latitude: expected a number wi"),
+        ("gnss", "field.header.stamp", str(2**63 - 1), "row 6, column field.header.stamp: expect"),
+        ("A5", "field.stamp", str(-(2**63)), "row 6, column field.stamp: expected nanoseconds"),
+        ("A5", "field.y", "1e308", "row 6, column field.y: expected metres within"),
+        ("A5", "field.distanceFromTag", "1e300", "row 6, column field.distanceFromTag: expected"),
+    ],
+)
+def test_numbers_beyond_all_reason_are_named(
+    tmp_path: Path, name: str, column: str, value: str, problem: str
+) -> None:
+    write_run(tmp_path)
+    (path,) = tmp_path.rglob(f"{name}.csv")
+    table = pl.read_csv(path, infer_schema=False)
+    cells = [value if k == 4 else cell for k, cell in enumerate(table[column])]
+    table.with_columns(pl.Series(column, cells)).write_csv(path)
+    with pytest.raises(InputError, match=rf"{name}\.csv, {re.escape(problem)}"):
         load(tmp_path, "NLOS/B/4")
 
 

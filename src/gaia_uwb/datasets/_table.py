@@ -103,7 +103,7 @@ def read_table(
     header = read_names(path)
     _check_names(path, header, required, known)
     kinds = {name: kind for name, kind in known.items() if name in header}
-    with _read_errors(path):
+    with read_errors(path):
         frame = _read_parquet(path, kinds) if _is_parquet(path) else _read_csv(path, kinds)
     if not len(frame):
         raise InputError("holds a header but no rows", source=path)
@@ -126,7 +126,7 @@ def read_names(path: Path) -> list[str]:
     InputError
         If the file cannot be read or is empty.
     """
-    with _read_errors(path):
+    with read_errors(path):
         return list(_parquet_schema(path)) if _is_parquet(path) else read_header(path)
 
 
@@ -160,7 +160,7 @@ def _read_csv(path: Path, kinds: Mapping[str, Kind]) -> Any:
         values[name] = pl.when(stripped != "").then(stripped).cast(dtype)
     scan = pl.scan_csv(path, infer_schema=False).select(**values)
     try:
-        with _read_errors(path):
+        with read_errors(path):
             frame = scan.filter(~pl.all_horizontal(pl.all().is_null())).collect(engine="streaming")
     except InputError as error:
         raise find_wrong_cell(path, kinds, otherwise=error.problem) from error
@@ -253,8 +253,19 @@ def _polars_types(kinds: Mapping[str, Kind]) -> dict[str, Any]:
 
 
 @contextmanager
-def _read_errors(path: Path) -> Iterator[None]:
-    """Turn the system's and polars' many-lined errors into one line of ours."""
+def read_errors(path: Path) -> Iterator[None]:
+    """Turn the system's and polars' many-lined errors into one line of ours.
+
+    Parameters
+    ----------
+    path
+        What is read.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
     import polars as pl
 
     try:

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from gaia_uwb._typing import Array, Float64
+from gaia_uwb.datasets._table import read_errors
 from gaia_uwb.datasets.outdoor_uwb import TAG_HEIGHT_M
 from gaia_uwb.errors import InputError
 
@@ -95,7 +96,7 @@ def load_static(folder: Path) -> list[StaticFile]:
     InputError
         If there is none, or a file lacks a column.
     """
-    paths = list((folder / "Static_measurements").glob("*LOS/height_*cm/*m.csv"))
+    paths = list((folder / "Static_measurements").glob("*LOS/height_*cm/[!.]*m.csv"))
     if not paths:
         raise InputError("has no Static_measurements", source=folder)
     files = [_load_static_file(path) for path in paths]
@@ -109,12 +110,9 @@ def _load_static_file(path: Path) -> StaticFile:
     place = re.search(r"(N?)LOS/height_([0-9.]+)cm/([0-9.]+)m\.csv$", path.as_posix())
     if place is None:
         raise InputError("expected a name like LOS/height_50.0cm/2m.csv", source=path)
-    try:
+    with read_errors(path):
         frame = pl.read_csv(path, infer_schema=False, truncate_ragged_lines=True)
         texts = frame.select(list(_COLUMNS))
-    except pl.exceptions.PolarsError as error:
-        reason = " ".join(str(error).split())[:200]
-        raise InputError(f"cannot be read: {reason}", source=path) from error
     blank = pl.all_horizontal(pl.all().fill_null("").str.strip_chars() == "")
     texts = texts.filter(~blank & ~pl.first().str.contains(_SUMMARY))
     numbers = texts.cast(pl.Float64, strict=False).rename(_COLUMNS)

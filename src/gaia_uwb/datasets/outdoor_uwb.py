@@ -21,12 +21,15 @@ kept: alignment drops them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from gaia_uwb._typing import Array, Float64, Int64
+from gaia_uwb.datasets import _plausible
 from gaia_uwb.datasets._cells import Kind
+from gaia_uwb.datasets._logs import LogTable
 from gaia_uwb.datasets._table import Table, read_table
 from gaia_uwb.errors import SourceError
 from gaia_uwb.projection import to_geodetic, to_local
@@ -45,6 +48,23 @@ GNSS_LEVER_ARM_M = 0.185
 """The tag is so far ahead of the GNSS antenna, along the heading (fitted, the same in all runs)."""
 
 _MAX_FRAME_MISFIT_M = 0.01
+_LATEST_NS = 2**62  # the year 2116
+_PATH_NAMES = {"t_s": "timestamp", "east_m": "x", "north_m": "y", "up_m": "z"}
+_FIX_NAMES = {
+    "t_s": "field.header.stamp",
+    "lat": "field.latitude",
+    "lon": "field.longitude",
+    "alt_m": "field.altitude",
+}
+_RANGE_NAMES = {
+    "t_s": "field.stamp",
+    "east_m": "field.x",
+    "north_m": "field.y",
+    "up_m": "field.z",
+    "range_m": "field.distanceFromTag",
+}
+"""Our names of the columns, for the checks that are common to all logs."""
+
 _RANGE_COLUMNS = {
     "field.stamp": Kind.INTEGER,
     "field.x": Kind.NUMBER,
@@ -117,10 +137,11 @@ def _load_run(folder: Path, run: str) -> Scene:
     drive = read_table(place / "trajectory.csv", _TRAJECTORY_COLUMNS)
     gnss = read_table(place / "gnss.csv", _GNSS_COLUMNS)
     # Stamps are written like 1.7300175266251697e+18: floats, 128 ns off the whole number at worst.
-    stamp_ns = drive["timestamp"].astype(np.int64)
+    stamp_ns = _stamps(drive, "timestamp")
     start_ns = int(stamp_ns[0])
-    to_east_north, frame = _find_frame(drive, stamp_ns, gnss)
     anchors = [read_table(place / f"A{anchor_id}.csv", _RANGE_COLUMNS) for anchor_id in ANCHOR_IDS]
+    _check(drive, stamp_ns, gnss, anchors)
+    to_east_north, frame = _find_frame(drive, stamp_ns, gnss)
     survey_m = np.array([[float(a[f"field.{axis}"][0]) for axis in "xyz"] for a in anchors])
     log = _merge(anchors, start_ns)
     return Scene(
@@ -138,6 +159,50 @@ def _load_run(folder: Path, run: str) -> Scene:
             anchor_m=survey_m[:, :2] @ to_east_north.T,
             nlos=np.full(len(log), visibility == "NLOS"),
         ),
+    )
+
+
+def _stamps(table: Table, column: str) -> Int64[Array, "R"]:
+    """Return times in whole nanoseconds, such that their differences fit into 64 bits."""
+    stamps = table[column]
+    wrong = ~((stamps >= 0) & (stamps <= _LATEST_NS))
+    if wrong.any():
+        index = int(np.argmax(wrong))
+        problem = f"expected nanoseconds since 1970, got {stamps[index]:g}"
+        raise table.error(problem, index=index, column=column)
+    return np.asarray(stamps, dtype=np.int64)
+
+
+def _check(
+    drive: Table, stamp_ns: Int64[Array, "T"], gnss: Table, anchors: Sequence[Table]
+) -> None:
+    """Refuse what cannot be one walk in seconds, metres and degrees, like any other log."""
+    start_ns = int(stamp_ns[0])
+    path = _under_our_names(drive, _PATH_NAMES, _seconds(stamp_ns, start_ns))
+    _plausible.check_timeline(path)
+    _plausible.check_site(path)
+    fix_ns = _stamps(gnss, "field.header.stamp")
+    _plausible.check_geodetic(_under_our_names(gnss, _FIX_NAMES, _seconds(fix_ns, start_ns)))
+    position_m = np.column_stack([drive["x"], drive["y"]])
+    for anchor in anchors:
+        read_s = _seconds(_stamps(anchor, "field.stamp"), start_ns)
+        ranges = _under_our_names(anchor, _RANGE_NAMES, read_s)
+        _plausible.check_site(ranges)
+        _plausible.check_one_drive(ranges, path, position_m)
+
+
+def _under_our_names(table: Table, names: Mapping[str, str], t_s: Float64[Array, "R"]) -> LogTable:
+    """Return the columns that the common checks look at; errors still name the file's own."""
+    columns = {ours: table[its] for ours, its in names.items() if ours != "t_s"}
+    return LogTable(
+        path=table.path,
+        columns={"t_s": t_s, **columns},
+        labels={},
+        unknown=(),
+        number=np.arange(len(table), dtype=np.int64) + 2,
+        origin=np.zeros(len(table), np.int64),
+        origins=(f"{table.path}, row",),
+        names=names,
     )
 
 
