@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ import pytest
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.datasets.native import write_native
 from gaia_uwb.errors import InputError, SourceError
-from gaia_uwb.fleet import find_zones, write_tables
+from gaia_uwb.fleet import find_zones, reconstruct_zone, write_tables
 from gaia_uwb.fleet_workers import reconstruct_fleet
 from gaia_uwb.simulate import PRESETS, simulate_zone
 
@@ -58,6 +59,16 @@ def test_failures_are_listed_and_the_rest_completes(one: Path) -> None:
     assert [row["n_passes"] for row in rows] == ["2", "2", "2"]
     for zone in range(3):
         assert (one / f"zone-{zone}" / "report.json").exists()
+
+
+def test_a_log_that_cannot_be_named_is_listed(logs: Path, tmp_path: Path) -> None:
+    (good, *_) = find_zones(logs)
+    zone = replace(good, logs=(*good.logs, "x" * 300, "\0"))
+    result = reconstruct_zone(zone, tmp_path, RAW)
+    assert result.n_passes == 2
+    problems = [failure.problem for failure in result.failures]
+    assert problems[0].endswith("cannot be read: File name too long")
+    assert "neither a folder" in problems[1]
 
 
 def test_the_number_of_workers_changes_no_byte(logs: Path, one: Path, tmp_path: Path) -> None:
@@ -130,8 +141,14 @@ def test_manifests_name_log_and_zone(logs: Path, tmp_path: Path) -> None:
     manifest.write_text("log,zone\na,\n", encoding="utf-8")
     with pytest.raises(InputError, match="row 2: expected a log and a zone"):
         find_zones(manifest)
-    manifest.write_text("log,zone\na,../x\n", encoding="utf-8")
-    with pytest.raises(InputError, match="cannot name a folder"):
+    for zone in ("../x", "..", '"a\nb"', "x" * 201, "ä" * 101):
+        manifest.write_text(f"log,zone\na,{zone}\n", encoding="utf-8")
+        with pytest.raises(InputError, match="cannot name a folder") as caught:
+            find_zones(manifest)
+        assert len(str(caught.value)) < 400
+        assert "\n" not in str(caught.value)
+    manifest.write_text(f"log,zone\n{'a' * 5000},one\n", encoding="utf-8")
+    with pytest.raises(InputError, match="zone 'one': a log's path of 5,"):
         find_zones(manifest)
     with pytest.raises(SourceError, match="neither a folder nor a manifest"):
         find_zones(tmp_path / "absent")

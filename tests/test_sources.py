@@ -33,6 +33,12 @@ def test_a_folder_with_scenes_in_it(tmp_path: Path) -> None:
     assert [scene.name for scene in load_scenes(str(tmp_path))] == ["pass 0", "pass 1"]
 
 
+def test_what_is_hidden_is_no_log(tmp_path: Path) -> None:
+    write_native(make_scene("pass"), tmp_path / ".gaia-0-1-2-scene")
+    with pytest.raises(InputError, match=r"has no trajectory\.csv"):
+        load_scenes(str(tmp_path))
+
+
 def test_the_simulator() -> None:
     (scene,) = load_scenes("sim")
     assert scene.truth is not None
@@ -66,6 +72,7 @@ def test_a_data_set_that_is_not_here(tmp_path: Path) -> None:
         ("nothing", "nothing: neither a folder nor one of outdoor-uwb, sim"),
         ("outdoor", "neither a folder nor one of outdoor-uwb, sim"),
         ("nothing:part", "nothing:part: neither a folder nor one of"),
+        ("x" * 300, "cannot be read: File name too long"),
         (__file__, "is a file; name the folder that holds trajectory and ranges"),
     ],
 )

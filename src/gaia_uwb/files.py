@@ -75,7 +75,8 @@ class OutputFolder:
         ConfigError
             If the file cannot be written; what was there before is left as it was.
         """
-        return self.write_bytes(name, text.encode("utf-8"))
+        # A file's name that is no UTF-8 comes with half a pair of surrogates for each odd byte.
+        return self.write_bytes(name, text.encode("utf-8", "backslashreplace"))
 
     def write_bytes(self, name: str, content: bytes) -> Path:
         """Write ``content`` and return the file's path.
@@ -141,6 +142,17 @@ class OutputFolder:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise ConfigError(f"{path}: cannot remove this file: {_reason(error)}") from error
+
+
+def visible(folder: Path) -> list[Path]:
+    """Return what lies in a folder, sorted, without hidden names: others may be at work there.
+
+    Parameters
+    ----------
+    folder
+        Where to look.
+    """
+    return sorted(path for path in folder.iterdir() if not path.name.startswith("."))
 
 
 def temporary_path(folder: Path, name: str) -> Path:

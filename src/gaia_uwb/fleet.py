@@ -13,15 +13,18 @@ import csv
 import hashlib
 import io
 import json
-import reprlib
+import os
+import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 
+from gaia_uwb._text import shown
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.errors import GaiaError, InputError, SourceError
-from gaia_uwb.files import OutputFolder
+from gaia_uwb.files import OutputFolder, visible
 from gaia_uwb.scene import Scene
 
 ONE_THREAD = {
@@ -38,6 +41,7 @@ KILLED = "the process that worked on it was killed"
 
 _DONE = "fleet.json"
 _MAX_MANIFEST_BYTES = 2**26
+_LONGEST_NAME, _LONGEST_LOG = 200, 4096  # bytes, characters; file systems allow little more
 
 
 @dataclass(frozen=True)
@@ -136,10 +140,23 @@ def find_zones(source: Path) -> list[Zone]:
         raise SourceError(f"{source}: neither a folder nor a manifest")
     if not zones:
         raise SourceError(f"{source}: no logs in it")
-    for name in zones:
-        if not name.strip() or name in {".", ".."} or "/" in name or "\0" in name:
-            raise InputError(f"zone {name!r} cannot name a folder", source=source)
+    for name, logs in zones.items():
+        if not _can_name_a_folder(name):
+            raise InputError(f"zone {shown(name)} cannot name a folder", source=source)
+        longest = max(map(len, logs))
+        if longest > _LONGEST_LOG:
+            problem = f"zone {shown(name)}: a log's path of {longest:,} characters"
+            raise InputError(problem, source=source)
     return [Zone(name, tuple(sorted(set(zones[name])))) for name in sorted(zones)]
+
+
+def _can_name_a_folder(name: str) -> bool:
+    if not name.strip() or name in {".", ".."} or re.search(r"[/\x00-\x1f\x7f]", name):
+        return False
+    try:
+        return len(os.fsencode(name)) <= _LONGEST_NAME
+    except UnicodeEncodeError:  # half of a pair of surrogates
+        return False
 
 
 def _csv_manifest(source: Path) -> dict[str, list[str]]:
@@ -170,14 +187,14 @@ def _yaml_manifest(source: Path) -> dict[str, list[str]]:
     zones: dict[str, list[str]] = {}
     for name, logs in content.items():
         if not isinstance(name, str):
-            problem = f"expected text as the name of a zone, got {name!r}; write it in quotes"
+            problem = f"expected text as the name of a zone, got {shown(name)}; write it in quotes"
             raise InputError(problem, source=source)
         if not isinstance(logs, list) or not logs:
-            problem = f"zone {name!r}: expected a list of logs, got {reprlib.repr(logs)}"
+            problem = f"zone {shown(name)}: expected a list of logs, got {shown(logs)}"
             raise InputError(problem, source=source)
         for k, log in enumerate(logs, start=1):
             if not isinstance(log, str) or not log:
-                problem = f"zone {name!r}, log {k}: expected a path, got {reprlib.repr(log)}"
+                problem = f"zone {shown(name)}, log {k}: expected a path, got {shown(log)}"
                 raise InputError(problem, source=source)
         zones[name] = [str(source.parent / log) for log in logs]
     return zones
@@ -191,11 +208,11 @@ def _folder(source: Path) -> dict[str, list[str]]:
         return is_described(path) or is_native(path)
 
     zones: dict[str, list[str]] = {}
-    for path in sorted(source.iterdir()):
+    for path in visible(source):
         if is_log(path):
             zones[path.name] = [str(path)]
         elif path.is_dir():
-            logs = [str(each) for each in sorted(path.iterdir()) if is_log(each) or each.is_dir()]
+            logs = [str(each) for each in visible(path) if is_log(each) or each.is_dir()]
             if logs:
                 zones[path.name] = logs
     return zones
@@ -279,11 +296,12 @@ def _digest(zone: Zone, config: PipelineConfig) -> str:
     files = []
     for log in zone.logs:
         path = Path(log)
-        inside = sorted(path.rglob("*")) if path.is_dir() else [path]
-        for each in inside:
-            if each.is_file():
-                about = each.stat()
-                files.append((str(each), about.st_size, about.st_mtime_ns))
+        with suppress(OSError):  # what cannot be looked at cannot be read later either
+            inside = sorted(path.rglob("*")) if path.is_dir() else [path]
+            for each in inside:
+                if each.is_file():
+                    about = each.stat()
+                    files.append((str(each), about.st_size, about.st_mtime_ns))
     content = [version("gaia-uwb"), config.model_dump(mode="json"), zone.logs, files]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 

@@ -15,6 +15,7 @@ from gaia_uwb.datasets.described import is_described, read_described
 from gaia_uwb.datasets.fetch import dataset_folder
 from gaia_uwb.datasets.native import is_native, read_with_notes
 from gaia_uwb.errors import ConfigError, GaiaError, InputError, SourceError
+from gaia_uwb.files import visible
 from gaia_uwb.scene import Scene
 
 SIMULATOR = "sim"
@@ -185,7 +186,13 @@ def _logs(source: str) -> list[Path]:
     """Return the log itself, or the logs in a folder."""
     if not source.strip():
         raise SourceError("expected a log or a name as source, got nothing")
-    path = Path(source)
+    try:
+        return _logs_at(Path(source), source)
+    except OSError as error:
+        raise SourceError(f"{source}: cannot be read: {error.strerror or error}") from error
+
+
+def _logs_at(path: Path, source: str) -> list[Path]:
     if is_described(path):
         return [path]
     if path.is_file():
@@ -196,5 +203,5 @@ def _logs(source: str) -> list[Path]:
         raise SourceError(f"{source}: neither a folder nor one of {known}")
     if is_native(path):
         return [path]
-    inner = [each for each in path.iterdir() if is_described(each) or is_native(each)]
-    return sorted(inner) or [path]
+    inner = [each for each in visible(path) if is_described(each) or is_native(each)]
+    return inner or [path]
