@@ -1,16 +1,20 @@
-"""Kill ``gaia reconstruct`` and ``gaia wzdx write`` at random moments: every file is a whole one.
+"""Kill commands that write files at random moments: every file is a whole one.
 
 Usage: nice python benchmarks/killed_commands.py [--n 100]
 
-Each run goes into a folder with the results of another run, and is killed (SIGKILL) at a random
-moment of its whole time or, mostly, of its writing. Whatever lies under a final name must then be
-the old file or the new one, byte for byte. Every tenth time the command runs again over what was
-left: all files must be the new ones, and no temporary file may stay.
+The commands are ``gaia reconstruct``, ``gaia wzdx write``, ``gaia simulate`` and, where
+GAIA_DATA_DIR names a folder with the outdoor data set to fetch from, ``gaia data fetch``. Each run
+goes into a folder with the results of another run, and is killed (SIGKILL) at a random moment of
+its whole time or, mostly, of its writing. Whatever lies under a final name must then be the old
+file or the new one, byte for byte. Every tenth time the command runs again over what was left: all
+files must be the new ones, and no temporary file may stay.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
+import shutil
 import sys
 import tempfile
 from importlib import import_module
@@ -34,6 +38,7 @@ def commands(folder: Path) -> dict[str, tuple[Any, list[object]]]:
     date = ["--update-date", "2026-11-22T10:00:00Z"]
     feed = ["wzdx", "write", folder / "results", "--config", config]
     log = ["reconstruct", "sim:lane-closure/3"]
+    passes = ["simulate", "--preset", "straight", "--episodes", "10", "--format", "csv"]
     return {
         "reconstruct": (
             lambda out: [*log, "--out", out],
@@ -43,11 +48,32 @@ def commands(folder: Path) -> dict[str, tuple[Any, list[object]]]:
             lambda out: [*feed, *date, "--out", out],
             [*feed, "--update-date", "2026-11-22T09:30:00Z", "--out", folder / "old-wzdx write"],
         ),
+        "simulate": (
+            lambda out: [*passes, "--seed", "1", "--out", out],
+            [*passes, "--out", folder / "old-simulate"],
+        ),
+        **_fetch(folder),
+    }
+
+
+def _fetch(folder: Path) -> dict[str, tuple[Any, list[object]]]:
+    """Return the command that completes a data set of which some files are there."""
+    mirror = Path(os.environ.get("GAIA_DATA_DIR", "")) / "outdoor-uwb"
+    if not mirror.is_dir():
+        return {}
+    there = Path("Dynamic_measurements") / "LOS"
+    shutil.copytree(mirror / there, folder / "part" / there)
+    fetch = ["data", "fetch", "outdoor-uwb", "--base-url"]
+    return {
+        "data fetch": (
+            lambda out: [*fetch, mirror, "--data-dir", out],
+            [*fetch, folder / "part", "--data-dir", folder / "old-data fetch"],
+        )
     }
 
 
 def main() -> None:
-    """Kill both commands and print how often at which stage."""
+    """Kill each command and print how often at which stage."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--n", type=int, default=100)
     n = parser.parse_args().n

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -22,12 +23,17 @@ def gaia(arguments: Sequence[object]) -> subprocess.Popen[bytes]:
 
 def files_of(folder: Path) -> dict[str, bytes]:
     """Return what lies under final names."""
-    files = [path for path in folder.iterdir() if not path.name.startswith(".")]
-    return {path.name: path.read_bytes() for path in files}
+    found = {str(path.relative_to(folder)): path for path in folder.rglob("*") if path.is_file()}
+    return {name: path.read_bytes() for name, path in found.items() if not is_hidden(name)}
 
 
 def hidden_in(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.iterdir() if path.name.startswith("."))
+    names = [str(path.relative_to(folder)) for path in folder.rglob("*")]
+    return sorted(filter(is_hidden, names))
+
+
+def is_hidden(name: str) -> bool:
+    return any(part.startswith(".") for part in Path(name).parts)
 
 
 class KilledRuns:
@@ -89,13 +95,20 @@ class KilledRuns:
 
     def _wait_for_writing(self, process: subprocess.Popen[bytes], rng: np.random.Generator) -> None:
         """Wait until a random number of files is new, and a moment longer."""
-        before, wanted = self._inodes(), int(rng.integers(1, len(self.new)))
-        while process.poll() is None and len(self._inodes() ^ before) < wanted:
+        before, wanted = self._files(), int(rng.integers(1, len(self.new)))
+        while process.poll() is None and len(self._files() ^ before) < wanted:
             time.sleep(1e-4)
         time.sleep(rng.uniform(0, 0.003))
 
-    def _inodes(self) -> set[int]:
-        return {entry.inode() for entry in os.scandir(self._out)}
+    def _files(self) -> set[tuple[str, int, int]]:
+        """Return place, number and time of each file: a number is used again once it is free."""
+        found = set()
+        for folder, _, names in os.walk(self._out):
+            for name in names:
+                with suppress(FileNotFoundError):  # one with a temporary name is gone again
+                    about = os.lstat(Path(folder) / name)
+                    found.add((str(Path(folder) / name), about.st_ino, about.st_mtime_ns))
+        return found
 
     def check_the_next_run(self) -> None:
         """Run once more over what a killed run left: all is new, and nothing else is there."""

@@ -180,7 +180,7 @@ def test_what_may_have_an_owner_stays_for_a_day(tmp_path: Path) -> None:
     assert names(tmp_path) == sorted([mine.name, *others])
 
 
-@pytest.mark.parametrize("command", ["reconstruct", "wzdx write"])
+@pytest.mark.parametrize("command", ["reconstruct", "simulate", "wzdx write"])
 def test_a_killed_command_leaves_whole_files_and_the_next_tidies_up(
     tmp_path: Path, command: str
 ) -> None:
@@ -192,6 +192,9 @@ def test_a_killed_command_leaves_whole_files_and_the_next_tidies_up(
     feed = ["wzdx", "write", results, "--config", config, "--update-date"]
     if command == "reconstruct":
         first, then = [*log, "--denoiser", "raw"], log
+    elif command == "simulate":
+        passes = ["simulate", "--preset", "straight", "--episodes", "3", "--format", "csv"]
+        first, then = passes, [*passes, "--seed", "1"]
     else:
         first, then = [*feed, "2026-11-22T09:30:00Z"], [*feed, "2026-11-22T10:00:00Z"]
         assert gaia([*log, "--out", results]).wait() in (0, 1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -13,7 +15,7 @@ import pytest
 from gaia_uwb.datasets import episodes as module
 from gaia_uwb.datasets.episodes import read_episodes, write_episodes
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import InputError, SourceError
+from gaia_uwb.errors import ConfigError, InputError, SourceError
 from gaia_uwb.simulate import PRESETS, simulate_episodes
 
 EPISODES = tuple(
@@ -47,6 +49,17 @@ def test_episodes_come_back_in_order_and_equal(folder: Path) -> None:
         assert_same(one, other)
 
 
+def test_a_part_can_be_read_at_once_however_long_its_episodes_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    longest = max(episode.n_steps * episode.n_anchors for episode in EPISODES)
+    monkeypatch.setattr(module, "MAX_ROWS", 2 * longest)
+    assert list(write_episodes(EPISODES, tmp_path))[-1] == len(EPISODES)
+    parts = [len(pl.read_parquet(path)) for path in tmp_path.iterdir()]
+    assert len(parts) > 1
+    assert max(parts) <= 2 * longest
+
+
 def test_pandas_reads_the_folder(folder: Path) -> None:
     table = pd.read_parquet(folder)
     assert len(table) == sum(episode.n_steps * episode.n_anchors for episode in EPISODES)
@@ -62,14 +75,45 @@ def test_a_folder_with_episodes_is_left_alone(folder: Path) -> None:
         next(write_episodes(EPISODES, folder))
 
 
+WRITE_HALF = """
+import sys, time
+from pathlib import Path
+import polars as pl
+from gaia_uwb.datasets.episodes import write_episodes
+from gaia_uwb.simulate import PRESETS, simulate_episodes
+
+def write_half(table, path, **options):
+    Path(path).write_bytes(b"PAR1")
+    print("half", flush=True)
+    time.sleep(60)
+
+pl.DataFrame.write_parquet = write_half
+next(write_episodes(simulate_episodes(PRESETS["wild"], 2, seed=0), Path(sys.argv[1])))
+"""
+
+
+def test_the_next_run_removes_what_a_killed_one_left(tmp_path: Path) -> None:
+    mine = [tmp_path / name for name in (".hidden", "episodes.parquet", "episodes-000000.partial")]
+    for path in mine:
+        path.touch()
+    command = [sys.executable, "-c", WRITE_HALF, str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as run:
+        assert run.stdout is not None
+        assert run.stdout.readline() == b"half\n"
+        run.kill()
+    assert len(list(tmp_path.iterdir())) == len(mine) + 1
+    assert list(write_episodes(EPISODES, tmp_path)) == [7]
+    assert set(tmp_path.iterdir()) == {*mine, tmp_path / "episodes-000000.parquet"}
+
+
 def test_a_folder_without_episodes_is_a_source_error(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="holds no"):
         read_episodes(tmp_path)
 
 
-def test_a_folder_that_cannot_be_written_is_a_source_error(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_a_config_error(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(SourceError, match="cannot be written"):
+    with pytest.raises(ConfigError, match="cannot write to this folder"):
         next(write_episodes(EPISODES, tmp_path / "file"))
 
 
@@ -93,8 +137,11 @@ def test_bad_parts_are_input_errors(folder: Path) -> None:
         (table.drop("nlos"), "column nlos"),
         (table.head(-1), "a row for each"),
         (table.with_columns(pl.col("anchor_id").reverse()), "a row for each"),
-        (table.with_columns(pl.lit("x").alias("t_s")), "cannot be read"),
-        (table.with_columns(pl.lit(None, pl.Float64).alias("true_range_m")), "truth.range_m"),
+        (table.with_columns(pl.lit("x").alias("t_s")), "column t_s: expected a type that holds"),
+        (table.with_columns(pl.lit([1.0]).alias("anchor_id")), "column anchor_id: expected a type"),
+        (table.with_columns(pl.lit(None, pl.Float64).alias("true_range_m")), "got nothing"),
+        (table.with_columns(pl.lit(1.0).alias("t_s")), "row 1, column t_s: .* increasing time"),
+        (pl.concat([table, table.head(1)]), "column episode: expected the rows .* together"),
     ):
         bad.write_parquet(path)
         with pytest.raises(InputError, match=says) as error:

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import hashlib
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from functools import partial
@@ -101,6 +103,52 @@ def test_goes_on_where_it_was_interrupted(
     fetch("outdoor-uwb", tmp_path / "data", base_url=str(mirror))
     assert sorted(asked[100:]) == sorted([*(FILES.keys() - arrived.keys()), damaged])
     assert contents(folder) == FILES
+
+
+FETCH = """
+import sys, time
+from pathlib import Path
+from gaia_uwb.datasets import fetch as module
+
+def wait(base, path, partial):
+    partial.write_bytes(b"half a fi")
+    print("half", flush=True)
+    time.sleep(60)
+
+module.read_manifest = lambda name: {"base_url": "", "files": {"Case_3/A 3.csv": "0" * 64}}
+module._transfer = wait
+module.fetch("outdoor-uwb", Path(sys.argv[1]))
+"""
+
+
+def test_the_next_fetch_removes_what_a_killed_one_left(mirror: Path, tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    case = data / "outdoor-uwb" / "Case_3"
+    case.mkdir(parents=True)
+    mine = {case / name for name in (".A 3.csv", ".A 3.csv.swp", "notes.txt")}
+    for path in mine:
+        path.touch()
+    runs = [
+        subprocess.Popen([sys.executable, "-c", FETCH, str(data)], stdout=subprocess.PIPE)
+        for _ in range(2)
+    ]
+    for run in runs:
+        assert run.stdout is not None
+        assert run.stdout.readline() == b"half\n"
+    killed, alive = runs
+    killed.kill()
+    killed.wait()
+    assert len(set(case.iterdir()) - mine) == 2
+    fetch("outdoor-uwb", data, base_url=str(mirror))
+    (other,) = set(case.iterdir()) - mine - {case / "A 3.csv"}
+    assert f"-{alive.pid}-" in other.name
+    alive.kill()
+    alive.wait()
+    fetch("outdoor-uwb", data)  # also where nothing is missing
+    assert set(case.iterdir()) == {*mine, case / "A 3.csv"}
+    for run in runs:
+        assert run.stdout is not None
+        run.stdout.close()
 
 
 def test_needs_no_mirror_when_all_is_there(mirror: Path, tmp_path: Path) -> None:

@@ -1,9 +1,9 @@
 """Episodes by the million: one long table in parts, and one row per step and anchor.
 
 A folder holds ``episodes-000000.parquet``, ``episodes-000001.parquet`` and so on. Each part is
-complete in itself and is written in one go, so that the memory needed does not grow with their
-number, and an interruption loses no part that is there. The rows of an episode stand together, step
-by step and in a step anchor by anchor:
+complete in itself and is written whole or not at all, so that the memory needed does not grow with
+their number, and an interruption loses no part that is there. The rows of an episode stand
+together, step by step and in a step anchor by anchor:
 
 ==============================  ====================================================================
 ``episode``                     name of the episode
@@ -23,28 +23,41 @@ by step and in a step anchor by anchor:
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import chain, islice
+from functools import partial
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gaia_uwb._typing import Array
+from gaia_uwb.datasets._cells import Kind
+from gaia_uwb.datasets._table import MAX_ROWS, Table, read_table
 from gaia_uwb.episode import Episode, EpisodeTruth
 from gaia_uwb.errors import InputError, SourceError
+from gaia_uwb.files import OutputFolder
 
 if TYPE_CHECKING:
     import polars as pl
 
 _EPISODES_IN_A_PART = 1000
 _COMPRESSION = 1  # of zstd's levels: half the time of the usual one for a tenth more space
-_COLUMNS = (
-    "episode", "t_s", "east_m", "north_m", "up_m", "anchor_id",
-    "range_m", "true_range_m", "nlos", "outlier", "true_bias_m",
-    "anchor_east_m", "anchor_north_m", "anchor_up_m",
-)  # fmt: skip
-_FLAGS = ("nlos", "outlier")
-_NUMBERS = tuple(name for name in _COLUMNS if name not in ("episode", "anchor_id", *_FLAGS))
+_COLUMNS = {
+    "episode": Kind.TEXT,
+    "t_s": Kind.NUMBER,
+    "east_m": Kind.NUMBER,
+    "north_m": Kind.NUMBER,
+    "up_m": Kind.NUMBER,
+    "anchor_id": Kind.TEXT,
+    "range_m": Kind.OPTIONAL,
+    "true_range_m": Kind.NUMBER,
+    "nlos": Kind.FLAG,
+    "outlier": Kind.FLAG,
+    "true_bias_m": Kind.NUMBER,
+    "anchor_east_m": Kind.NUMBER,
+    "anchor_north_m": Kind.NUMBER,
+    "anchor_up_m": Kind.NUMBER,
+}
 
 
 def write_episodes(episodes: Iterable[Episode], folder: Path) -> Iterator[int]:
@@ -67,28 +80,21 @@ def write_episodes(episodes: Iterable[Episode], folder: Path) -> Iterator[int]:
     InputError
         If an episode lacks heights or part of its truth.
     SourceError
-        If the folder has episodes already, or cannot be written.
+        If the folder has episodes already.
+    ConfigError
+        If the folder cannot be written.
     """
     import polars as pl
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SourceError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    output = OutputFolder(folder)
     if _parts(folder):
         raise SourceError(f"{folder}: there are episodes already")
-    source, done, part = iter(episodes), 0, 0
-    while batch := list(islice(source, _EPISODES_IN_A_PART)):
+    done = 0
+    for part, batch in enumerate(_batches(episodes)):
         table = pl.DataFrame(_table(batch), nan_to_null=True)
-        path = folder / f"episodes-{part:06d}.parquet"
-        partial = path.with_suffix(".partial")
-        try:
-            table.write_parquet(partial, compression_level=_COMPRESSION)
-            partial.rename(path)
-        except OSError as error:
-            partial.unlink(missing_ok=True)
-            raise SourceError(f"{path}: cannot be written: {error.strerror or error}") from error
-        done, part = done + len(batch), part + 1
+        write = partial(table.write_parquet, compression_level=_COMPRESSION)
+        output.write(f"episodes-{part:06d}.parquet", write)
+        done += len(batch)
         yield done
 
 
@@ -110,7 +116,7 @@ def read_episodes(folder: Path) -> Iterator[Episode]:
     SourceError
         If the folder holds no episodes.
     InputError
-        If a part cannot be read, or lacks a column.
+        If a part cannot be read, lacks a column, or holds what is no episode.
     """
     parts = _parts(folder)
     if not parts:
@@ -120,6 +126,21 @@ def read_episodes(folder: Path) -> Iterator[Episode]:
 
 def _parts(folder: Path) -> list[Path]:
     return sorted(folder.glob("episodes-*.parquet"))
+
+
+def _batches(episodes: Iterable[Episode]) -> Iterator[list[Episode]]:
+    """Yield the episodes of each part: so many that it can be read at once."""
+    batch: list[Episode] = []
+    n_rows = 0
+    for episode in episodes:
+        n_more = episode.n_steps * episode.n_anchors
+        if batch and (len(batch) == _EPISODES_IN_A_PART or n_rows + n_more > MAX_ROWS):
+            yield batch
+            batch, n_rows = [], 0
+        batch.append(episode)
+        n_rows += n_more
+    if batch:
+        yield batch
 
 
 def _table(batch: list[Episode]) -> dict[str, Array | pl.Series]:
@@ -172,53 +193,45 @@ def _end_to_end(grids: Iterable[Array]) -> Array:
 
 
 def _read_part(path: Path) -> Iterator[Episode]:
-    import polars as pl
-
-    try:
-        table = pl.read_parquet(path)
-        missing = [name for name in _COLUMNS if name not in table.columns]
-        if missing:
-            raise InputError("expected this column, got none", source=path, column=missing[0])
-        table = table.with_columns(
-            pl.col(_NUMBERS).cast(pl.Float64), pl.col(_FLAGS).cast(pl.Boolean)
-        )
-    except (OSError, pl.exceptions.PolarsError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise InputError(f"cannot be read: {reason}", source=path) from error
-    for rows in table.partition_by("episode", maintain_order=True):
-        try:
-            yield _to_episode(rows)
-        except InputError as error:
-            raise InputError(str(error), source=path) from error
+    table = read_table(path, _COLUMNS)
+    starts = np.flatnonzero(np.diff(table["episode"], prepend=-1))
+    if len(starts) > len(table.labels["episode"]):
+        raise InputError("expected the rows of an episode together", source=path, column="episode")
+    for start, stop in pairwise([*starts.tolist(), len(table)]):
+        yield _to_episode(table, slice(start, stop))
 
 
-def _to_episode(rows: pl.DataFrame) -> Episode:
-    name = str(rows["episode"][0])
-    ids = rows["anchor_id"]
-    n = ids.n_unique()
-    anchor_ids = tuple(ids[:n])
-    if len(rows) % n or ids.to_list() != list(anchor_ids) * (len(rows) // n):
-        raise InputError(f"{name}: expected a row for each of {n} anchors at every step, in order")
+def _to_episode(table: Table, rows: slice) -> Episode:
+    """Return the episode that some rows of a table hold."""
+    name = table.labels["episode"][table["episode"][rows.start]]
+    ids = table["anchor_id"][rows]
+    n = len(np.unique(ids))
+    if len(ids) % n or (ids.reshape(-1, n) != ids[:n]).any():
+        problem = f"{name!r}: expected a row for each of {n} anchors at every step, in order"
+        raise table.error(problem, index=rows.start)
 
     def grid(column: str) -> Array:
-        values: Array = rows[column].to_numpy().reshape(-1, n)
-        return values
+        return table[column][rows].reshape(-1, n)
 
-    range_m = rows["range_m"].fill_null(np.nan).to_numpy().reshape(-1, n)
-    return Episode(
-        name=name,
-        anchor_ids=anchor_ids,
-        t_s=grid("t_s")[:, 0],
-        position_m=np.column_stack([grid("east_m")[:, 0], grid("north_m")[:, 0]]),
-        range_m=range_m,
-        valid=np.isfinite(range_m),
-        tag_up_m=grid("up_m")[:, 0],
-        anchor_up_m=grid("anchor_up_m")[0],
-        truth=EpisodeTruth(
-            anchor_m=np.column_stack([grid("anchor_east_m")[0], grid("anchor_north_m")[0]]),
-            range_m=grid("true_range_m"),
-            nlos=grid("nlos"),
-            outlier=grid("outlier"),
-            bias_m=grid("true_bias_m"),
-        ),
-    )
+    range_m = grid("range_m")
+    try:
+        return Episode(
+            name=name,
+            anchor_ids=tuple(table.labels["anchor_id"][code] for code in ids[:n]),
+            t_s=grid("t_s")[:, 0],
+            position_m=np.column_stack([grid("east_m")[:, 0], grid("north_m")[:, 0]]),
+            range_m=range_m,
+            valid=np.isfinite(range_m),
+            tag_up_m=grid("up_m")[:, 0],
+            anchor_up_m=grid("anchor_up_m")[0],
+            truth=EpisodeTruth(
+                anchor_m=np.column_stack([grid("anchor_east_m")[0], grid("anchor_north_m")[0]]),
+                range_m=grid("true_range_m"),
+                nlos=grid("nlos"),
+                outlier=grid("outlier"),
+                bias_m=grid("true_bias_m"),
+            ),
+        )
+    except InputError as error:
+        problem = f"{name!r}: {error.problem}"
+        raise table.error(problem, index=rows.start, column=error.column) from error

@@ -2,7 +2,8 @@
 
 The package carries a manifest per data set (``outdoor-uwb.json``): where the files are, by commit,
 and their SHA-256. A file has its final name only once it is complete and right, so that an
-interrupted download goes on where it stopped, and a folder never holds half a file.
+interrupted download goes on where it stopped, and a folder never holds half a file; what a download
+that was killed left under temporary names is removed by the next one.
 """
 
 from __future__ import annotations
@@ -10,9 +11,9 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import suppress
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from urllib.request import url2pathname
 
 from gaia_uwb.datasets import REGISTRY
 from gaia_uwb.errors import DownloadError, SourceError
+from gaia_uwb.files import remove_abandoned, temporary_path
 
 DATA_DIR_VARIABLE = "GAIA_DATA_DIR"
 """Environment variable that names the data folder."""
@@ -102,6 +104,8 @@ def fetch(
     files: dict[str, str] = manifest["files"]
     folder = data_folder(data_dir) / name
     base = str(manifest["base_url"] if base_url is None else base_url)
+    for place in {(folder / path).parent for path in files}:
+        remove_abandoned(place)
     missing = [path for path, sha256 in files.items() if not _is_there(folder / path, sha256)]
     n_there = len(files) - len(missing)
     report = progress or (lambda done, total: None)
@@ -135,24 +139,20 @@ def _fetch_file(base: str, path: str, folder: Path, sha256: str) -> None:
     import pooch
 
     target = folder / path
-    partial = None
+    partial = temporary_path(target.parent, target.name)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, partial_name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-        os.close(handle)
-        partial = Path(partial_name)
         _transfer(base, path, partial)
         got = pooch.file_hash(partial)
         if got != sha256:
             raise DownloadError(f"{path}: expected SHA-256 {sha256}, got {got} from {base}")
-        partial.chmod(0o644)
         partial.replace(target)
     except OSError as error:
         reason = " ".join(str(error).split())
         raise DownloadError(f"{path}: cannot be fetched from {base}: {reason}") from error
     finally:
-        if partial is not None:
-            partial.unlink(missing_ok=True)
+        with suppress(OSError):  # renamed, or there is no such folder
+            partial.unlink()
 
 
 def _transfer(base: str, path: str, partial: Path) -> None:
