@@ -1,14 +1,19 @@
-"""Damaged logs by the ten thousand: read, or refused in one line, in bounded time and memory.
+"""Damaged inputs by the ten thousand: read, or refused in one line, in bounded time and memory.
 
 Usage: nice python benchmarks/damaged_inputs.py [--n 10000] [--reader NAME ...]
        python benchmarks/damaged_inputs.py --reader mcap --case 4711   (one, with its traceback)
 
-Every case damages a fresh copy of a good log (``tests/datasets/damage.py``) and then does what
-``gaia data check`` does; every twentieth log that is still readable is reconstructed as well. A
-case counts as bad where another exception than ours comes out, anything is printed on stderr (a
-warning, a library's stack trace), the text is not one printable line, the process dies, or it takes
-more than 5 s of processor time or hangs. Memory is the peak of the whole process that read all of a
-reader's cases. Needs the extra ros.
+Every case damages a fresh copy of a good input (``tests/datasets/damage.py``) and then does what
+the command does that takes it (``tests/datasets/readers.py``: ``gaia data check`` for a log); every
+twentieth that is still readable is put to use as well (a log is reconstructed). A case counts as
+bad where another exception than ours comes out, anything is printed on stderr (a warning, a
+library's stack trace), the text is not one printable line, the process dies, or it takes more than
+5 s of processor time or hangs. Memory is the peak of the whole process that read all of a reader's
+cases. Needs the extras ros and feeds.
+
+One process works at a time. After each reader its row is printed and written to
+``benchmarks/out/damaged_inputs.json``, where the rows of other readers stay as they are: go on
+after an interruption with ``--reader`` and the names that are left.
 """
 
 from __future__ import annotations
@@ -19,6 +24,7 @@ import os
 import resource
 import select
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -30,66 +36,74 @@ from pathlib import Path
 from typing import Any
 
 LIMIT_S, LIMIT_GIB = 5.0, 1.0
-START_S = 60.0
-"""A worker's imports and its good log may take so long."""
+STUCK_S = 10 * LIMIT_S
+"""A worker that takes so much of a processor's time for one case is killed."""
 
-RECONSTRUCT_EVERY = 20
+SILENT_S = 3600.0
+"""A worker that says nothing for so long hangs; on a busy machine, others come first."""
+
+USE_EVERY = 20
+LONGEST_LINE = 2000
 SEED = 20261122
 
 
 class Cases:
-    """The damaged logs of one reader.
+    """The damaged inputs of one reader.
 
     Parameters
     ----------
-    reader
-        One of ``good_logs.READERS``.
+    name
+        One of ``readers.READERS``.
     folder
         For files; emptied again and again.
     """
 
-    def __init__(self, reader: str, folder: Path) -> None:
-        sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "datasets"))
-        readers = import_module("good_logs").READERS
+    def __init__(self, name: str, folder: Path) -> None:
+        readers = load_readers()
+        self._reader = readers[name]
         self._damage = import_module("damage").damage_log
-        self._key = list(readers).index(reader)
+        self._key = list(readers).index(name)
         self._good, self._work = folder / "good", folder / "work"
         self._good.mkdir()
-        self.good: Path = readers[reader](self._good)
-        self._log = self.good.relative_to(self._good)
+        self.good: Path = self._reader.write(self._good)
+        self._place = self.good.relative_to(self._good)
 
     def make(self, case: int) -> Path:
-        """Return one damaged log."""
+        """Return one damaged input."""
         import numpy as np
 
         shutil.rmtree(self._work, ignore_errors=True)
         shutil.copytree(self._good, self._work)
-        path: Path = self._work / self._log
+        path: Path = self._work / self._place
         self._damage(path, np.random.default_rng([SEED, self._key, case]))
         return path
 
+    def look(self, path: Path, case: int) -> tuple[str, str]:
+        """Read an input as a user would; return whether it is ok, refused or bad, and the line."""
+        from gaia_uwb.errors import GaiaError
+        from gaia_uwb.terminal import plain
 
-def look(log: Path, case: int) -> tuple[str, str]:
-    """Check a log as a user would, and return whether it is ok or refused, and the line."""
-    from gaia_uwb.errors import GaiaError
-    from gaia_uwb.pipeline import reconstruct
-    from gaia_uwb.sources import check_source, load_scenes
-    from gaia_uwb.terminal import plain
+        try:
+            for line in map(plain, self._reader.read(path)):
+                if "\n" in line or not line.isprintable() or len(line) > LONGEST_LINE:
+                    return "bad", f"no line ({len(line)} characters): {line!r}"[:300]
+            if case % USE_EVERY == 0:
+                self._reader.use(path)
+        except GaiaError as error:
+            line = plain(str(error))
+            if "\n" in line or len(line) > LONGEST_LINE:
+                return "bad", f"no line ({len(line)} characters): {line!r}"[:300]
+            return "refused", line
+        return "ok", ""
 
-    try:
-        (report,) = check_source(str(log))
-        for line in map(plain, report.lines()):
-            if "\n" in line or not line.isprintable():
-                return "bad", f"unprintable: {line!r}"[:300]
-        if not report.readable:
-            (line,) = report.problems
-            return ("bad", f"long: {line[:200]}") if len(line) > 2000 else ("refused", line)
-        if case % RECONSTRUCT_EVERY == 0:
-            reconstruct(load_scenes(str(log))[0])
-    except GaiaError as error:
-        line = plain(str(error))
-        return ("bad", f"no line: {line!r}"[:300]) if "\n" in line else ("refused", line)
-    return "ok", ""
+
+def load_readers() -> dict[str, Any]:
+    """Return the readers, by name."""
+    folder = str(Path(__file__).parents[1] / "tests" / "datasets")
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    readers: dict[str, Any] = import_module("readers").READERS
+    return readers
 
 
 def work(reader: str, first: int, n: int) -> None:
@@ -98,17 +112,18 @@ def work(reader: str, first: int, n: int) -> None:
     out = os.dup(1)
     with tempfile.TemporaryFile() as stray, tempfile.TemporaryDirectory(dir=_memory()) as folder:
         cases = Cases(reader, Path(folder))
-        look(cases.good, 0)  # imports, and everything else that is done once
+        cases.look(cases.good, 0)  # imports, and everything else that is done once
         os.dup2(stray.fileno(), 1)
         os.dup2(stray.fileno(), 2)
         warnings.simplefilter("always")
         _say(out, {"ready": True})
         for case in range(first, n):
-            log = cases.make(case)
+            path = cases.make(case)
             _say(out, {"case": case})
+            signal.setitimer(signal.ITIMER_PROF, STUCK_S)
             start = time.process_time()
             try:
-                outcome, line = look(log, case)
+                outcome, line = cases.look(path, case)
             except Exception:
                 outcome, line = "bad", traceback.format_exc(limit=-3)
             seconds = time.process_time() - start
@@ -152,9 +167,9 @@ class Reader:
     def _listen(self, process: subprocess.Popen[bytes], done: int) -> int:
         """Collect a worker's rows and return the next case to be done."""
         assert process.stdout is not None
-        pipe, patience_s, running = process.stdout, START_S, False
+        pipe, running = process.stdout, False
         while True:
-            ready, _, _ = select.select([pipe], [], [], patience_s)
+            ready, _, _ = select.select([pipe], [], [], SILENT_S)
             line = pipe.readline() if ready else b""
             if not line:
                 process.kill()
@@ -164,7 +179,7 @@ class Reader:
                     self._add(done, "bad", "hung" if not ready else f"died: {process.wait()}")
                 return done + 1
             row = json.loads(line)
-            running, patience_s = "case" in row, 10 * LIMIT_S
+            running = "case" in row
             if "outcome" in row:
                 late = row["s"] > LIMIT_S and row["outcome"] != "bad"
                 self.worst_s = max(self.worst_s, row["s"])
@@ -204,17 +219,16 @@ def main() -> None:
         return
     if given.case is not None:
         with tempfile.TemporaryDirectory() as folder:
-            print(*look(Cases(given.reader[0], Path(folder)).make(given.case), given.case))
+            cases = Cases(given.reader[0], Path(folder))
+            print(*cases.look(cases.make(given.case), given.case))
         return
-    sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "datasets"))
-    names = given.reader or list(import_module("good_logs").READERS)
     out = Path(__file__).parent / "out" / "damaged_inputs.json"
     out.parent.mkdir(exist_ok=True)
+    results = json.loads(out.read_text(encoding="utf-8")) if out.exists() else {}
     print(
         f"{'reader':<22}{'cases':>7}{'read':>8}{'refused':>9}{'bad':>6}{'slowest':>11}{'memory':>13}"
     )
-    results = {}
-    for name in names:
+    for name in given.reader or load_readers():
         reader = Reader(name, given.n)
         reader.run()
         print(reader.row(), flush=True)

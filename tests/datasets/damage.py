@@ -2,7 +2,7 @@
 
 Damage is of two kinds: blind, on a file's bytes, and inside, where checksums, sizes and packing are
 made right again so that what is wrong reaches the innermost code: the messages of a chunk, the
-cells of a table, the rows of a database.
+cells of a table, the rows of a database, the branches of a document.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import lz4.frame
 import numpy as np
 import polars as pl
 from backports import zstd
+from damage_documents import damage_document
 
 Rng = np.random.Generator
 
@@ -56,7 +57,11 @@ def damage_log(log: Path, rng: Rng) -> None:
         ".mcap": damage_mcap,
         ".db3": damage_database,
         ".parquet": damage_parquet,
+        ".json": damage_document,
+        ".geojson": damage_document,
     }.get(path.suffix, damage_text)
+    if path.suffix == ".yaml" and rng.random() < 0.5:
+        inside = damage_document
     if rng.random() < 0.5:
         inside(path, rng)
     else:

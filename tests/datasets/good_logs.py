@@ -110,6 +110,25 @@ def write_own(folder: Path, suffix: str = ".csv") -> Path:
     return folder
 
 
+def write_described_bag(folder: Path) -> Path:
+    """Write a ROS 2 log and a description that says where its messages keep what."""
+    log = write_drive(folder, "mcap")
+    log.rename(folder / "log.mcap")
+    log.parent.joinpath("metadata.yaml").unlink()
+    log.parent.rmdir()
+    place = {"file": "log.mcap", "format": "ros"}
+    fields = {"anchor": "anchor_id", "range": "range", "rssi": "rssi", "stamp": "header.stamp"}
+    description = {
+        "name": "pass",
+        "frame": {"lat_deg": 37.0, "lon_deg": 127.0},
+        "trajectory": {**place, "topic": "/fix", "clock": "header"},
+        "ranges": [{**place, "topic": "/uwb", "clock": "header", "fields": fields}],
+        "lever_arm": {"forward_m": 1.0, "left_m": 0.2},
+    }
+    (folder / "gaia.yaml").write_text(yaml.safe_dump(description), encoding="utf-8")
+    return folder
+
+
 def _ros(kind: str, packed: tuple[Any, ...] = ()) -> Callable[[Path], Path]:
     return lambda folder: write_drive(folder, kind, packed)
 
@@ -118,7 +137,7 @@ _CHUNKS, _MESSAGES = (
     (mode, CompressionFormat.ZSTD) for mode in (CompressionMode.STORAGE, CompressionMode.MESSAGE)
 )
 
-READERS: dict[str, Callable[[Path], Path]] = {
+LOGS: dict[str, Callable[[Path], Path]] = {
     **{kind: _ros(kind) for kind in FORMATS},
     "bag-bz2": _ros("bag", (Writer1.CompressionFormat.BZ2,)),
     "bag-lz4": _ros("bag", (Writer1.CompressionFormat.LZ4,)),
@@ -130,5 +149,6 @@ READERS: dict[str, Callable[[Path], Path]] = {
     "tables-parquet": lambda folder: write_tables(folder, ".parquet"),
     "own": write_own,
     "own-parquet": lambda folder: write_own(folder, ".parquet"),
+    "ros-described": write_described_bag,
 }
-"""Reader -> function that writes a good log into a folder and returns what names it as a source."""
+"""Kind -> function that writes a good log into a folder and returns what names it as a source."""
