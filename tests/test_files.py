@@ -40,6 +40,11 @@ def test_writes_and_overwrites_text_bytes_and_by_callback(tmp_path: Path) -> Non
     assert names(tmp_path) == ["bytes.bin", "table.csv", "text.txt"]
 
 
+def test_a_name_that_is_no_utf_8_is_written_in_ascii(tmp_path: Path) -> None:
+    path = OutputFolder(tmp_path).write_text("a.json", '{"log": "Stra\udcdfe"}')
+    assert path.read_bytes() == b'{"log": "Stra\\udcdfe"}'
+
+
 def test_temporary_name_keeps_the_suffix(tmp_path: Path) -> None:
     seen: list[Path] = []
 

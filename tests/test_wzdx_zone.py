@@ -80,6 +80,23 @@ def test_numbers_that_no_site_has_are_refused(
         read_zone(tmp_path)
 
 
+@pytest.mark.parametrize("value", [7, {"a": {}}, "x" * 70_000])
+@pytest.mark.parametrize("member", ["scene", "reasons", "id"])
+def test_texts_that_are_none_are_refused(tmp_path: Path, member: str, value: object) -> None:
+    report: Any = make_report(make_reconstruction())
+    match member:
+        case "scene":
+            report["scene"] = value
+        case "reasons":
+            report |= {"status": "unreliable", "reasons": [value]}
+        case _:
+            report["anchors"][0]["id"] = value
+    (tmp_path / "report.json").write_text(json.dumps(report))
+    with pytest.raises(InputError, match="not a report of this version") as caught:
+        read_zone(tmp_path)
+    assert len(str(caught.value)) < 600
+
+
 def test_a_report_without_place_is_refused(tmp_path: Path) -> None:
     result = make_reconstruction(frame=None)
     (tmp_path / "report.json").write_text(json.dumps(make_report(result)))

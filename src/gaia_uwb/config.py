@@ -20,6 +20,9 @@ from gaia_uwb._text import printable, shortened, shown
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.strict_yaml import read_yaml
 
+LONGEST_NAME = 400
+"""Characters of a scene's name in a file; all results and messages repeat it."""
+
 _MOST_PROBLEMS = 5
 
 

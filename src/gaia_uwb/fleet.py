@@ -153,10 +153,7 @@ def find_zones(source: Path) -> list[Zone]:
 def _can_name_a_folder(name: str) -> bool:
     if not name.strip() or name in {".", ".."} or re.search(r"[/\x00-\x1f\x7f]", name):
         return False
-    try:
-        return len(os.fsencode(name)) <= _LONGEST_NAME
-    except UnicodeEncodeError:  # half of a pair of surrogates
-        return False
+    return len(os.fsencode(name)) <= _LONGEST_NAME
 
 
 def _csv_manifest(source: Path) -> dict[str, list[str]]:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import yaml
@@ -225,12 +225,14 @@ def read_recipe(path: Path) -> list[str]:
     return []
 
 
-def write_fleet(folder: Path) -> Path:
+def write_fleet(folder: Path, suffix: str = ".csv") -> Path:
     for name in ("pass-1", "pass-2", "pass-3"):
         (folder / name).mkdir()
         write_own(folder / name)
-    manifest = folder / "zones.csv"
-    manifest.write_text("log,zone\npass-1,north\npass-2,north\npass-3,south\n", encoding="utf-8")
+    manifest = folder / f"zones{suffix}"
+    table = "log,zone\npass-1,north\npass-2,north\npass-3,south\n"
+    lists = "north: [pass-1, pass-2]\nsouth:\n- pass-3\n"
+    manifest.write_text(table if suffix == ".csv" else lists, encoding="utf-8")
     return manifest
 
 
@@ -254,5 +256,6 @@ READERS: dict[str, Reader] = {
     "preset": Reader(write_preset, read_preset, simulate_preset),
     "recipe": Reader(write_recipe, read_recipe),
     "fleet": Reader(write_fleet, list_fleet, reconstruct_fleet),
+    "fleet-yaml": Reader(partial(write_fleet, suffix=".yaml"), list_fleet, reconstruct_fleet),
 }
 """The kinds of input, by name."""

@@ -277,6 +277,7 @@ def test_a_frame_moves_the_origin(tmp_path: Path) -> None:
             {"scene_yaml": "name: x\nname: y"},
             "cannot be read: line 2: the key 'name' is here twice",
         ),
+        ({"scene_yaml": "name: " + "x" * 401}, "scene.yaml: name: string should have at most 400"),
         ({"scene_yaml": "nam: x"}, "scene.yaml: nam: unknown key"),
         ({"scene_yaml": "- 1"}, "scene.yaml: top level: input should be"),
         ({"scene_yaml": "frame: {lat_deg: 91, lon_deg: 0}"}, "scene.yaml: frame.lat_deg: input"),

@@ -16,7 +16,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
-from gaia_uwb.config import Settings, settings_problems
+from gaia_uwb.config import LONGEST_NAME, Settings, settings_problems
 from gaia_uwb.datasets._bag_fields import FieldMap
 from gaia_uwb.datasets._lever_arm import LeverArm
 from gaia_uwb.datasets._logs import check_file
@@ -106,7 +106,7 @@ RangesInput = Annotated[RosRanges | CsvRanges | Dwm1001Ranges, Field(discriminat
 class InputDescription(Settings):
     """The content of ``gaia.yaml``."""
 
-    name: str | None = None
+    name: str | None = Field(default=None, max_length=LONGEST_NAME)
     """Of the scene; ``None`` takes the folder's."""
     frame: FrameInput | None = None
     """Origin of the local frame; ``None`` takes the trajectory's first place on Earth."""

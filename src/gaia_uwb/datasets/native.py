@@ -32,7 +32,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError
 
-from gaia_uwb.config import Settings, settings_problems
+from gaia_uwb.config import LONGEST_NAME, Settings, settings_problems
 from gaia_uwb.datasets import _plausible
 from gaia_uwb.datasets._cells import Kind
 from gaia_uwb.datasets._places import Places, first_place, place_kinds, to_places
@@ -62,7 +62,7 @@ class _FrameContent(Settings):
 
 
 class _SceneContent(Settings):
-    name: str | None = None
+    name: str | None = Field(default=None, max_length=LONGEST_NAME)
     frame: _FrameContent | None = None
     clock_offset_s: float | None = None
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from gaia_uwb._text import shown
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.errors import InputError
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
@@ -24,6 +25,7 @@ from gaia_uwb.wzdx.travel import passed_at, stretch, thinned
 
 _ALONG = 0.5  # of the zone's extent: a drive along it has a longer way
 _FARTHEST_M, _LARGEST_M2 = 1e7, 1e100  # a poor fix may be far off, but not farther
+_LONGEST_TEXT = 1000
 _NOT_THE_LOG = (
     *(f": {status.message}" for status in AnchorStatus),
     "so there is no boundary",
@@ -111,8 +113,8 @@ def read_zone(folder: Path) -> Zone:
         anchors = [_read_fix(row) for row in report["anchors"]]
         hull_m = np.array(report["boundary"]["hull_m"], dtype=np.float64).reshape(-1, 2)
         _check_sizes(anchors, hull_m)
-        reasons = None if report["status"] == "ok" else tuple(map(str, report["reasons"]))
-        name = str(report["scene"])
+        reasons = None if report["status"] == "ok" else tuple(map(_text, report["reasons"]))
+        name = _text(report["scene"])
     except (KeyError, TypeError, ValueError, OverflowError, InputError) as error:
         what = f"{type(error).__name__}: {error}"
         raise InputError(f"not a report of this version ({what})", source=folder) from error
@@ -128,7 +130,7 @@ def _read_fix(row: Mapping[str, Any]) -> AnchorFix:
 
     covariance = row["covariance_m2"]
     return AnchorFix(
-        anchor_id=str(row["id"]),
+        anchor_id=_text(row["id"]),
         position_m=pair("east_m", "north_m"),
         covariance_m2=np.full((2, 2), np.nan)
         if covariance is None
@@ -138,6 +140,13 @@ def _read_fix(row: Mapping[str, Any]) -> AnchorFix:
         status=AnchorStatus(row["status"]),
         n_ranges=int(row["n_ranges"]),
     )
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str) or len(value) > _LONGEST_TEXT:
+        expected = f"expected text of at most {_LONGEST_TEXT} characters"
+        raise ValueError(f"{expected}, got {shown(value)}")
+    return value
 
 
 def _check_sizes(anchors: Sequence[AnchorFix], hull_m: Float64[Array, "H 2"]) -> None:
@@ -154,7 +163,7 @@ def _read_path(file: Path, name: str, frame: LocalFrame) -> Float64[Array, "T 2"
     content = read_json(file)
     try:
         if content["gaia"]["scene"] != name:
-            raise InputError(f"expected the scene {name!r} of report.json", source=file)
+            raise InputError(f"expected the scene {shown(name)} of report.json", source=file)
         line, *_ = [
             feature["geometry"]["coordinates"]
             for feature in content["features"]
