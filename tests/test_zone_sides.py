@@ -98,7 +98,7 @@ def test_of_many_open_anchors_the_likeliest_combinations_are_found() -> None:
     assert len({tuple(side) for side in decision.combinations.side.tolist()}) == 32
 
 
-@pytest.mark.parametrize("n", [1, 4, 7])
+@pytest.mark.parametrize("n", [1, 4, 7, 11])
 def test_the_kept_combinations_are_the_likeliest_of_all(n: int) -> None:
     left = np.random.default_rng(n).uniform(0.0, 1.0, (2, n))
     decision = decide(zone(0.3, left))
