@@ -19,6 +19,7 @@ from gaia_uwb.errors import InputError, SourceError
 from gaia_uwb.fleet import find_zones, reconstruct_zone, write_tables
 from gaia_uwb.fleet_workers import reconstruct_fleet
 from gaia_uwb.simulate import PRESETS, simulate_zone
+from killed_runs import files_of, hidden_in
 
 RAW = PipelineConfig(denoiser="raw")
 
@@ -34,14 +35,6 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     broken.mkdir()
     (broken / "trajectory.csv").write_text("nonsense", encoding="utf-8")
     return folder
-
-
-def files(folder: Path) -> dict[str, bytes]:
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file()
-    }
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +66,8 @@ def test_a_log_that_cannot_be_named_is_listed(logs: Path, tmp_path: Path) -> Non
 
 def test_the_number_of_workers_changes_no_byte(logs: Path, one: Path, tmp_path: Path) -> None:
     write_tables(list(reconstruct_fleet(find_zones(logs), tmp_path, RAW, workers=2)), tmp_path)
-    assert files(tmp_path) == files(one)
+    assert files_of(tmp_path) == files_of(one)
+    assert not hidden_in(tmp_path) and not hidden_in(one)
 
 
 def test_what_is_done_is_not_done_again(logs: Path, one: Path) -> None:
@@ -96,7 +90,7 @@ def test_a_killed_run_goes_on(logs: Path, one: Path, tmp_path: Path) -> None:
     os.killpg(run.pid, signal.SIGKILL)
     run.wait()
     assert subprocess.run(command, capture_output=True, check=False).returncode == 1
-    assert {k: v for k, v in files(out).items() if "/." not in k} == files(one)
+    assert files_of(out) == files_of(one)
 
 
 def test_a_killed_process_costs_no_zone(logs: Path, one: Path, tmp_path: Path) -> None:
@@ -115,7 +109,7 @@ def test_a_killed_process_costs_no_zone(logs: Path, one: Path, tmp_path: Path) -
     ]
     os.kill(max(workers), signal.SIGKILL)
     assert run.wait(timeout=400) == 1
-    assert {k: v for k, v in files(out).items() if "/." not in k} == files(one)
+    assert files_of(out) == files_of(one)
 
 
 def read_status(path: Path) -> str:

@@ -27,6 +27,7 @@ from gaia_uwb.errors import ConfigError
 from gaia_uwb.fleet import KILLED, ZoneResult, find_zones, write_tables
 from gaia_uwb.fleet_workers import reconstruct_fleet
 from gaia_uwb.simulate import PRESETS, simulate_zone
+from killed_runs import files_of
 
 distributed = pytest.importorskip("distributed", reason="needs Dask: install gaia-uwb[fleet]")
 
@@ -114,14 +115,6 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def files(folder: Path) -> dict[str, bytes]:
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and not path.name.startswith(".")
-    }
-
-
 def command(logs: Path, out: Path, address: str) -> list[str]:
     """Return a command that is called beside the logs, which it names as seen from there."""
     settings = out.parent / "raw.yaml"
@@ -152,9 +145,9 @@ def test_killed_workers_cost_no_zone_and_change_no_byte(
     killer = zones.pop(deadly_zones.KILLER)
     results = list(reconstruct_fleet(list(zones.values()), expected, RAW))
     write_tables([*results, ZoneResult.failed(killer, KILLED)], expected)
-    found = {name: content for name, content in files(out).items() if killer.name not in name}
+    found = {name: content for name, content in files_of(out).items() if killer.name not in name}
     assert not (out / killer.name / "fleet.json").exists()
-    assert found == files(expected)
+    assert found == files_of(expected)
 
     before = {path: path.stat().st_mtime_ns for path in out.rglob("map.html")}
     again = reconstruct_fleet(list(zones.values()), out, RAW, scheduler=cluster.address)
