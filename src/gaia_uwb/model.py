@@ -274,14 +274,16 @@ class SetTrainingOptions(Settings):
 
     seed: int = Field(default=0, ge=0)
     """Of the weights at the start and of the scenes."""
-    portions: int = Field(default=85, ge=1, le=1_000_000)
+    portions: int = Field(default=160, ge=1, le=1_000_000)
     """Portions of new scenes; the learning rate falls to zero over them along a half cosine."""
     portion_episodes: int = Field(default=2048, ge=8, le=1_000_000)
     validation_episodes: int = Field(default=256, ge=8, le=100_000)
     """Of each kind of scene."""
     learning_rate: float = Field(default=2e-3, gt=0, le=1)
+    matrix_learning_rate: float = Field(default=4e-3, gt=0, le=1)
+    """Of weights that are matrices, which go by another optimiser."""
     warm_up_steps: int = Field(default=100, ge=0)
-    """Over which the learning rate grows from zero."""
+    """Over which the learning rates grow from zero."""
     weight_decay: float = Field(default=1e-4, ge=0, le=1)
     gradient_norm: float = Field(default=1.0, gt=0)
     """Longer gradients are shortened to this."""

@@ -41,6 +41,8 @@ STATE = "training-state.safetensors"
 LOG = "training-log.jsonl"
 CURVES = "loss-curves.png"
 
+_LEAST_MATRIX = 16  # rows and columns; smaller ones are heads, not layers between layers
+_MATRIX_DECAY = 0.01
 _ELLIPSE_SHARE = 0.9
 _CHI2_90 = -2.0 * math.log(1 - _ELLIPSE_SHARE)  # with two degrees of freedom
 _CALIBRATED_ON = "wild"
@@ -98,6 +100,34 @@ def train_set(
     return run.finish()
 
 
+def _optimisers(
+    network: nn.Module, options: SetTrainingOptions
+) -> dict[str, torch.optim.Optimizer]:
+    """Return Muon for the matrices between layers, AdamW for all other weights.
+
+    Muon moves all directions of a matrix alike (K. Jordan et al., 2024), and needs far fewer scenes
+    to get as far (docs/design-notes.md).
+    """
+    matrices: list[nn.Parameter] = []
+    others: list[nn.Parameter] = []
+    for weights in network.parameters():
+        between = weights.ndim == 2 and min(weights.shape) >= _LEAST_MATRIX
+        (matrices if between else others).append(weights)
+    optimisers: dict[str, torch.optim.Optimizer] = {
+        "adamw": torch.optim.AdamW(
+            others, lr=options.learning_rate, weight_decay=options.weight_decay
+        )
+    }
+    if matrices:
+        optimisers["muon"] = torch.optim.Muon(
+            matrices,
+            lr=options.matrix_learning_rate,
+            weight_decay=_MATRIX_DECAY,
+            adjust_lr_fn="match_rms_adamw",
+        )
+    return optimisers
+
+
 class _Run:
     """One training run: network, optimiser, and its files."""
 
@@ -108,11 +138,7 @@ class _Run:
             torch.manual_seed(self.options.seed)
             self.network = GaiaSet(task.network)
         self.network.to(self.device)
-        self.optimiser = torch.optim.AdamW(
-            self.network.parameters(),
-            lr=self.options.learning_rate,
-            weight_decay=self.options.weight_decay,
-        )
+        self.optimisers = _optimisers(self.network, self.options)
         self.validation = {
             kind: validation_portion(kind, self.options.validation_episodes) for kind in MIX
         }
@@ -129,11 +155,12 @@ class _Run:
         for k, batch in enumerate(batches):
             self._set_rate((number + k / len(batches)) / self.options.portions)
             terms = self._losses(batch)
-            self.optimiser.zero_grad(set_to_none=True)
+            self.network.zero_grad(set_to_none=True)
             terms["total"].backward()  # type: ignore[no-untyped-call]
             norm = nn.utils.clip_grad_norm_(self.network.parameters(), self.options.gradient_norm)
             if bool(torch.isfinite(norm)):  # one degenerate scene must not end a training
-                self.optimiser.step()
+                for optimiser in self.optimisers.values():
+                    optimiser.step()
             self.steps += 1
             for name, value in terms.items():
                 sums[name] = sums.get(name, 0.0) + batch.n_episodes * value.item()
@@ -160,9 +187,10 @@ class _Run:
 
     def _set_rate(self, done: float) -> None:
         warm = min(1.0, (self.steps + 1) / max(1, self.options.warm_up_steps))
-        rate = self.options.learning_rate * warm * 0.5 * (1 + math.cos(math.pi * done))
-        for group in self.optimiser.param_groups:
-            group["lr"] = rate
+        share = warm * 0.5 * (1 + math.cos(math.pi * done))
+        for optimiser in self.optimisers.values():
+            for group in optimiser.param_groups:
+                group["lr"] = share * optimiser.defaults["lr"]
 
     def _losses(self, batch: ZoneBatch) -> dict[str, Tensor]:
         inputs, targets = self._tensors(batch)
@@ -195,8 +223,9 @@ class _Run:
         # In this order: whoever is killed in between does the portion again and writes it anew.
         self.folder.write_text(LOG, "".join(json.dumps(line) + "\n" for line in self.log))
         tensors = {f"network.{name}": value for name, value in self.network.state_dict().items()}
-        for index, moments in self.optimiser.state_dict()["state"].items():
-            tensors |= {f"optimiser.{index}.{name}": value for name, value in moments.items()}
+        for kind, optimiser in self.optimisers.items():
+            for index, moments in optimiser.state_dict()["state"].items():
+                tensors |= {f"{kind}.{index}.{name}": value for name, value in moments.items()}
         arrays = {name: value.cpu().numpy() for name, value in tensors.items()}
         note = json.dumps({"key": self.key, "log": self.log, "steps": self.steps}).encode()
         arrays["note"] = np.frombuffer(note, dtype=np.uint8)
@@ -217,7 +246,7 @@ class _Run:
                 "choose another folder"
             )
         network: dict[str, Tensor] = {}
-        moments: dict[int, dict[str, Tensor]] = {}
+        moments: dict[str, dict[int, dict[str, Tensor]]] = {kind: {} for kind in self.optimisers}
         for name, value in arrays.items():
             part, _, key = name.partition(".")
             tensor = torch.from_numpy(value.copy())
@@ -225,10 +254,11 @@ class _Run:
                 network[key] = tensor
             else:
                 index, _, moment = key.partition(".")
-                moments.setdefault(int(index), {})[moment] = tensor
+                moments[part].setdefault(int(index), {})[moment] = tensor
         self.network.load_state_dict(network)
-        groups = self.optimiser.state_dict()["param_groups"]
-        self.optimiser.load_state_dict({"state": moments, "param_groups": groups})
+        for kind, optimiser in self.optimisers.items():
+            groups = optimiser.state_dict()["param_groups"]
+            optimiser.load_state_dict({"state": moments[kind], "param_groups": groups})
         self.log, self.steps = note["log"], note["steps"]
         return len(self.log)
 

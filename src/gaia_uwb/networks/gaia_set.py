@@ -194,10 +194,7 @@ class TemporalEncoder(nn.Module):
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.enter = nn.Conv1d(STEP_FEATURES, channels, 1)
-        self.layers = nn.ModuleList(
-            nn.Conv1d(channels, channels, _KERNEL, padding=_KERNEL // 2 * d, dilation=d)
-            for d in _DILATIONS
-        )
+        self.layers = nn.ModuleList(DilatedConvolution(channels, dilation=d) for d in _DILATIONS)
 
     def forward(self, scene: Scene, place: Tensor) -> tuple[Tensor, Tensor]:
         """Return features of every step (B, M, C, T), and of the whole token (B, M, 2C)."""
@@ -213,6 +210,33 @@ class TemporalEncoder(nn.Module):
         mean = (h * mask).sum(dim=-1) / mask.sum(dim=-1).clamp_min(1)
         largest = (h * mask + (mask - 1) * 1e3).amax(dim=-1).clamp_min(-10.0)
         return h, torch.cat([mean, largest], dim=-1)
+
+
+class DilatedConvolution(nn.Module):
+    """A convolution over steps, as long after it as before.
+
+    Its weights are a matrix, which is what the training's optimiser takes (``set_training.py``).
+
+    Parameters
+    ----------
+    channels
+        Channels C.
+    dilation
+        Steps between two of the kernel's taps.
+    """
+
+    def __init__(self, channels: int, *, dilation: int) -> None:
+        super().__init__()
+        self.dilation = dilation
+        beginning = nn.Conv1d(channels, channels, _KERNEL)
+        self.weight = nn.Parameter(beginning.weight.detach().flatten(1))
+        self.bias = beginning.bias
+
+    def forward(self, h: Tensor) -> Tensor:
+        """Return (B, C, T) of (B, C, T)."""
+        kernel = self.weight.reshape(len(self.weight), -1, _KERNEL)
+        padding = _KERNEL // 2 * self.dilation
+        return functional.conv1d(h, kernel, self.bias, padding=padding, dilation=self.dilation)
 
 
 class Attention(nn.Module):
