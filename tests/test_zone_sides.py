@@ -1,13 +1,16 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gaia_uwb.config import PipelineConfig, make_config
 from gaia_uwb.estimate import AnchorStatus
+from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.sides import Decision
 from gaia_uwb.zone_posterior import ZonePosterior
 from gaia_uwb.zone_sides import decide_zone
@@ -34,9 +37,18 @@ def both(n: int, stays: float) -> np.ndarray:
     return np.stack([np.full(n, stays), np.full(n, 1 - stays)])
 
 
-def decide(one: ZonePosterior) -> Decision:
+def decide(one: ZonePosterior, **said: object) -> Decision:
+    """Decide on the sides, given what is said of the zone, by a vehicle that drives along x."""
     n = len(one.located)
-    return decide_zone([f"c{k}" for k in range(n)], one, RANGES[:n])
+    ids = tuple(f"c{k}" for k in range(n))
+    prior = make_config({"prior": said}).prior
+    path = np.stack([np.linspace(-20.0, 10.0 * n + 20.0, 200), np.zeros(200)], axis=-1)
+    surveyed = {
+        ids.index(known.anchor_id): (np.array([known.east_m, known.north_m]), known.sigma_m)
+        for known in prior.known_anchors
+    }
+    facts = None if prior.says_nothing else KnownFacts(prior, path, surveyed, ids)
+    return decide_zone(ids, one, RANGES[:n], facts=facts)
 
 
 def test_an_undecided_zone_keeps_its_anchors_together() -> None:
@@ -131,3 +143,72 @@ def test_a_place_that_is_known_only_poorly_says_so() -> None:
         AnchorStatus.OK,
         AnchorStatus.ILL_CONDITIONED,
     ]
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", 1), ("right", -1)])
+def test_a_known_side_settles_an_undecided_zone(side: str, sign: int) -> None:
+    decision = decide(zone(0.5, both(6, 0.99)), side=side)
+    for fix in decision.anchors:
+        assert np.sign(fix.position_m[1]) == sign
+        assert fix.mirror_probability < 0.02 and fix.status is AnchorStatus.OK
+    assert decision.reasons == ()
+
+
+def test_one_surveyed_cone_settles_the_side_of_all() -> None:
+    surveyed = {"anchor_id": "c2", "east_m": 20.1, "north_m": -5.05, "sigma_m": 0.05}
+    decision = decide(zone(0.5, both(5, 0.999)), known_anchors=[surveyed])
+    assert all(fix.position_m[1] < 0 and fix.status is AnchorStatus.OK for fix in decision.anchors)
+    # Its own place is drawn to the survey, by its better standard deviation; the others stay.
+    np.testing.assert_allclose(decision.anchors[2].position_m, [20.1, -5.05], atol=0.01)
+    assert decision.anchors[2].covariance_m2[0, 0] < 0.05**2
+    np.testing.assert_allclose(decision.anchors[1].position_m, [10.0, -5.0])
+
+
+def test_a_survey_says_where_one_cone_stands_and_is_believed_against_the_zone() -> None:
+    surveyed = {"anchor_id": "c1", "east_m": 10.0, "north_m": -5.0, "sigma_m": 0.05}
+    decision = decide(zone(0.99999, both(4, 0.98)), known_anchors=[surveyed])
+    assert [np.sign(fix.position_m[1]) for fix in decision.anchors] == [1, -1, 1, 1]
+
+
+def test_a_wrong_side_is_noticed_and_not_used() -> None:
+    sure = zone(0.99999, both(6, 0.9999))
+    decision, plain = decide(sure, side="right"), decide(sure)
+    assert any("all cones are on the right" in reason for reason in decision.reasons)
+    for fix, alone in zip(decision.anchors, plain.anchors, strict=True):
+        np.testing.assert_array_equal(fix.position_m, alone.position_m)
+        assert fix.mirror_probability < 0.01
+
+
+def test_a_cone_on_the_other_side_than_said_is_named() -> None:
+    left = both(6, 0.9999)
+    left[:, 3] = 1e-6
+    decision = decide(zone(0.6, left), side="left")
+    assert [np.sign(fix.position_m[1]) for fix in decision.anchors] == [1, 1, 1, -1, 1, 1]
+    assert decision.reasons == (
+        "the ranges put c3 on the right; all cones were said to be on the left",
+    )
+
+
+def test_a_known_spacing_draws_neighbours_to_it() -> None:
+    one = zone(0.999, both(5, 0.999))
+    off = np.array([0.15, -0.1, 0.1, -0.15, 0.1])
+    place = one.place_m + np.stack([off, np.zeros(5)], axis=-1)[:, None]
+    decision = decide(replace(one, place_m=place), spacing_m=10.0, spacing_sigma_m=0.05)
+    found = np.array([fix.position_m[0] for fix in decision.anchors])
+    assert np.abs(np.diff(found) - 10.0).max() < 0.5 * np.abs(np.diff(off)).max()
+    assert all(fix.covariance_m2[0, 0] < 0.04 for fix in decision.anchors)
+
+
+def test_two_hundred_anchors_and_a_statement() -> None:
+    decision = decide_zone(
+        [str(k) for k in range(200)],
+        zone(0.5, both(200, 0.99)),
+        np.full(200, 50),
+        facts=KnownFacts(
+            PipelineConfig().prior.model_copy(update={"side": "right"}),
+            np.stack([np.linspace(-20.0, 2020.0, 500), np.zeros(500)], axis=-1),
+            {},
+            tuple(str(k) for k in range(200)),
+        ),
+    )
+    assert all(fix.position_m[1] < 0 for fix in decision.anchors)

@@ -313,13 +313,13 @@ def _decide(
 ) -> Decision:
     """Decide the sides: by what the denoiser knows of work zones, or by the ranges and a prior.
 
-    The paper's solver and sides that are decided one by one are asked for to see what they give,
-    and what a user knows of a zone is weighed against ranges: then the denoiser has no say.
+    The paper's solver and sides that are decided one by one are asked for to see what they give:
+    then the denoiser has no say.
     """
     ours = config.solver.kind == "robust" and config.sides.joint
-    if ranges.zone is not None and ours and facts is None:
+    if ranges.zone is not None and ours:
         return decide_zone(
-            episode.anchor_ids, ranges.zone, places.n_ranges, config.sides, config.solver
+            episode.anchor_ids, ranges.zone, places.n_ranges, config.sides, config.solver, facts
         )
     return decide_sides(episode.anchor_ids, places, config.sides, config.solver, facts)
 

@@ -10,17 +10,20 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64, Int64
+from gaia_uwb._typing import Array, Float64, Int64
 from gaia_uwb.config import SidesConfig, SolverConfig
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
+from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.locate import Hypotheses
-from gaia_uwb.sides import Decision, kept_combinations
+from gaia_uwb.sides import Combinations, Decision, kept_combinations
 from gaia_uwb.zone_posterior import ZonePosterior
 
 _LOOKED_AT = 128  # likeliest combinations under each hypothesis
+_LEAST = 1e-4  # probability of a side, where something else is known: no network is surer than that
 
 
 def decide_zone(
@@ -29,6 +32,7 @@ def decide_zone(
     n_ranges: Int64[Array, "N"],
     config: SidesConfig = SidesConfig(),
     solver: SolverConfig = SolverConfig(),
+    facts: KnownFacts | None = None,
 ) -> Decision:
     """Choose a side for every anchor, and keep the combinations of sides that may be instead.
 
@@ -44,52 +48,143 @@ def decide_zone(
         ``ambiguous_above``.
     solver
         ``min_ranges`` and ``ill_conditioned_above_m``.
+    facts
+        What is known of the zone beforehand; used as far as the denoiser does not speak against it.
     """
     located = np.flatnonzero(zone.located & (n_ranges >= solver.min_ranges))
-    right = 1.0 - zone.left_probability[:, located]  # (2, M)
-    side = _candidates(right)
-    weight = _weight(zone.scene_probability, right, side)
-    combinations = kept_combinations(side, weight, located, joint=False)
-    chosen = np.zeros(len(anchor_ids), dtype=np.int64)
-    chosen[located] = combinations.side[0]
-    marginal = zone.scene_probability @ right
-    mirror = np.where(combinations.side[0] == 1, 1.0 - marginal, marginal)
-    probability = np.zeros(len(anchor_ids))
-    probability[located] = np.clip(mirror, 0.0, 1.0)
-    there = np.zeros(len(anchor_ids), dtype=np.bool_)
-    there[located] = True
+    ids = [anchor_ids[n] for n in located.tolist()]
+    hypotheses = _as_hypotheses(zone, located, n_ranges)
+    if facts is None or not len(located):
+        choice = _Choice.of(zone, located, hypotheses)
+    else:
+        choice = _Choice.with_facts(zone, located, hypotheses, facts, ids)
+    row = {n: k for k, n in enumerate(located.tolist())}
     anchors = []
     for n, anchor_id in enumerate(anchor_ids):
-        own, other = int(chosen[n]), 1 - int(chosen[n])
-        covariance_m2 = zone.covariance_m2[n, own]
-        status = AnchorStatus.OK
-        if not there[n]:
-            status = AnchorStatus.TOO_FEW_RANGES
-        elif np.linalg.eigvalsh(covariance_m2)[1] > solver.ill_conditioned_above_m**2:
-            status = AnchorStatus.ILL_CONDITIONED
-        elif probability[n] > config.ambiguous_above:
-            status = AnchorStatus.AMBIGUOUS
-        nowhere = np.full(2, np.nan)
-        anchors.append(
-            AnchorFix(
-                anchor_id=anchor_id,
-                position_m=zone.place_m[n, own] if there[n] else nowhere,
-                covariance_m2=covariance_m2,
-                mirror_position_m=zone.place_m[n, other] if there[n] else nowhere,
-                mirror_probability=float(probability[n]),
-                status=status,
-                n_ranges=int(n_ranges[n]),
-                mirror_covariance_m2=zone.covariance_m2[n, other],
-            )
+        if n in row:
+            fix = _fix(anchor_id, choice, row[n], n, int(n_ranges[n]), config, solver)
+        else:
+            fix = _nowhere(anchor_id, zone.covariance_m2[n], int(n_ranges[n]))
+        anchors.append(fix)
+    return Decision(tuple(anchors), choice.combinations, choice.hypotheses, choice.reasons)
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """Sides of the M located anchors, with what goes with them."""
+
+    hypotheses: Hypotheses
+    combinations: Combinations
+    place_m: Float64[Array, "M 2"]
+    covariance_m2: Float64[Array, "M 2 2"]
+    mirror_probability: Float64[Array, "M"]
+    reasons: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, zone: ZonePosterior, located: Int64[Array, "M"], hypotheses: Hypotheses) -> _Choice:
+        """Choose by what the denoiser says alone."""
+        right = 1.0 - zone.left_probability[:, located]  # (2, M)
+        side = _candidates(right)
+        weight = _weight(_log_weight(zone.scene_probability, right, side))
+        combinations = kept_combinations(side, weight, located, joint=False)
+        best = combinations.side[0]
+        marginal = zone.scene_probability @ right
+        mirror = np.where(best == 1, 1.0 - marginal, marginal)
+        return cls(
+            hypotheses,
+            combinations,
+            hypotheses.position_m[located, best],
+            hypotheses.covariance_m2[located, best],
+            np.clip(mirror, 0.0, 1.0),
         )
-    return Decision(tuple(anchors), combinations, _as_hypotheses(zone, there, n_ranges))
+
+    @classmethod
+    def with_facts(
+        cls,
+        zone: ZonePosterior,
+        located: Int64[Array, "M"],
+        hypotheses: Hypotheses,
+        facts: KnownFacts,
+        ids: Sequence[str],
+    ) -> _Choice:
+        """Choose by what the denoiser says and what is known, as far as the two agree."""
+        right = np.clip(1.0 - zone.left_probability[:, located], _LEAST, 1.0 - _LEAST)
+        side = np.concatenate([_candidates(right), _what_may_be_said(right)])
+        side = np.unique(side, axis=0)
+        log_weight = _log_weight(zone.scene_probability, right, side)
+        said = facts.statements(hypotheses, located, side)
+        against = [statement.contradiction(_weight(log_weight)) for statement in said]
+        reasons = tuple(reason for reason in against if reason is not None)
+        holds = facts.only([reason is None for reason in against], said)
+        surveyed = hypotheses
+        if holds is not None:
+            surveyed = holds.with_surveys(hypotheses)
+            for statement in holds.statements(hypotheses, located, side):
+                log_weight = log_weight + statement.log_ratio
+        weight = _weight(log_weight)
+        combinations = kept_combinations(side, weight, located, joint=True)
+        best = combinations.side[0]
+        mirror = (weight[:, None] * (side != best)).sum(axis=0) / weight.sum()
+        place_m = surveyed.position_m[located, best]
+        covariance_m2 = surveyed.covariance_m2[located, best]
+        if holds is not None:
+            place_m, covariance_m2 = holds.with_spacing(place_m, covariance_m2)
+        reasons += facts.exceptions(place_m, covariance_m2, ids, reasons)
+        return cls(
+            surveyed, combinations, place_m, covariance_m2, np.clip(mirror, 0.0, 1.0), reasons
+        )
+
+
+def _fix(
+    anchor_id: str,
+    choice: _Choice,
+    row: int,
+    n: int,
+    n_ranges: int,
+    config: SidesConfig,
+    solver: SolverConfig,
+) -> AnchorFix:
+    """Put the result of the located anchor of a row together."""
+    covariance_m2 = choice.covariance_m2[row]
+    mirror = float(choice.mirror_probability[row])
+    other = 1 - int(choice.combinations.side[0, row])
+    status = AnchorStatus.OK
+    if np.linalg.eigvalsh(covariance_m2)[1] > solver.ill_conditioned_above_m**2:
+        status = AnchorStatus.ILL_CONDITIONED
+    elif mirror > config.ambiguous_above:
+        status = AnchorStatus.AMBIGUOUS
+    return AnchorFix(
+        anchor_id=anchor_id,
+        position_m=choice.place_m[row],
+        covariance_m2=covariance_m2,
+        mirror_position_m=choice.hypotheses.position_m[n, other],
+        mirror_probability=mirror,
+        status=status,
+        n_ranges=n_ranges,
+        mirror_covariance_m2=choice.hypotheses.covariance_m2[n, other],
+    )
+
+
+def _nowhere(anchor_id: str, covariance_m2: Float64[Array, "2 2 2"], n_ranges: int) -> AnchorFix:
+    """Return the result of an anchor with too few ranges."""
+    return AnchorFix(
+        anchor_id=anchor_id,
+        position_m=np.full(2, np.nan),
+        covariance_m2=covariance_m2[0],
+        mirror_position_m=np.full(2, np.nan),
+        mirror_probability=0.0,
+        status=AnchorStatus.TOO_FEW_RANGES,
+        n_ranges=n_ranges,
+        mirror_covariance_m2=covariance_m2[1],
+    )
 
 
 def _as_hypotheses(
-    zone: ZonePosterior, there: Bool[Array, "N"], n_ranges: Int64[Array, "N"]
+    zone: ZonePosterior, located: Int64[Array, "M"], n_ranges: Int64[Array, "N"]
 ) -> Hypotheses:
     """Return both places as those who draw possible scenes expect them: left first, then right."""
     n = len(n_ranges)
+    there = np.isin(np.arange(n), located)
     return Hypotheses(
         position_m=np.where(there[:, None, None], zone.place_m, np.nan),
         covariance_m2=zone.covariance_m2,
@@ -132,13 +227,28 @@ def _likeliest(right: Float64[Array, "M"], count: int) -> Int64[Array, "K M"]:
     return np.stack(found)
 
 
-def _weight(
+def _what_may_be_said(right: Float64[Array, "2 M"]) -> Int64[Array, "K M"]:
+    """Return combinations that the denoiser holds for unlikely, but a user may know better.
+
+    These are all anchors on one side, and the likeliest sides but for one anchor.
+    """
+    m = right.shape[1]
+    flipped = (right > 0.5).astype(np.int64)[:, None] ^ np.eye(m, dtype=np.int64)
+    uniform = np.repeat(np.array([[0], [1]]), m, axis=1)
+    return np.concatenate([flipped.reshape(-1, m), uniform])
+
+
+def _log_weight(
     scene: Float64[Array, "2"], right: Float64[Array, "2 M"], side: Int64[Array, "K M"]
 ) -> Float64[Array, "K"]:
-    """Return each combination's probability, scaled so that the largest is 1."""
+    """Return the logarithm of each combination's probability."""
     with np.errstate(divide="ignore"):
         log_right, log_left, log_scene = np.log(right), np.log1p(-right), np.log(scene)
     # -inf times 0 must be 0: choose, do not multiply.
     given = np.where(side[:, None] == 1, log_right, log_left).sum(axis=2)  # (K, 2)
-    total = np.logaddexp(given[:, 0] + log_scene[0], given[:, 1] + log_scene[1])
-    return np.asarray(np.exp(total - total.max()))
+    return np.asarray(np.logaddexp(given[:, 0] + log_scene[0], given[:, 1] + log_scene[1]))
+
+
+def _weight(log_weight: Float64[Array, "K"]) -> Float64[Array, "K"]:
+    """Return probabilities, scaled so that the largest is 1."""
+    return np.asarray(np.exp(log_weight - log_weight.max()))
