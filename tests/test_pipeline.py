@@ -1,5 +1,5 @@
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -276,14 +276,9 @@ def test_a_denoiser_that_knows_work_zones_locates_their_anchors() -> None:
 
 
 @pytest.mark.parametrize(
-    "changes",
-    [
-        {"sides": SidesConfig(joint=False)},
-        {"solver": SolverConfig(kind="wls")},
-        {"prior": PriorConfig(side="right")},
-    ],
+    "changes", [{"sides": SidesConfig(joint=False)}, {"solver": SolverConfig(kind="wls")}]
 )
-def test_it_has_no_say_where_another_solver_or_prior_is_asked_for(changes: dict[str, Any]) -> None:
+def test_it_has_no_say_where_another_solver_is_asked_for(changes: dict[str, Any]) -> None:
     (episode,) = simulate_episodes(find_preset("wild-test"), 1, seed=3)
     config = PipelineConfig(denoiser="gaia-set").model_copy(update=changes)
     (found,) = reconstruct_episodes([episode], config)
@@ -291,3 +286,18 @@ def test_it_has_no_say_where_another_solver_or_prior_is_asked_for(changes: dict[
     assert zone is not None
     for n, anchor in enumerate(found.anchors):
         assert np.abs(zone.place_m[n] - anchor.position_m).max(axis=1).min() > 1e-6
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_what_is_known_is_weighed_with_its_places(side: Literal["left", "right"]) -> None:
+    (episode,) = simulate_episodes(find_preset("wild-test"), 1, seed=3)
+    config = PipelineConfig(denoiser="gaia-set", prior=PriorConfig(side=side))
+    (found,) = reconstruct_episodes([episode], config)
+    zone = found.denoised.zone
+    assert zone is not None
+    for n, anchor in enumerate(found.anchors):
+        assert anchor.position_m.tolist() in zone.place_m[n].tolist()
+    on_it = [zone.place_m[n, "lr".index(side[0])] for n in range(episode.n_anchors)]
+    there = [a.position_m.tolist() == p.tolist() for a, p in zip(found.anchors, on_it, strict=True)]
+    assert all(there)
+    assert max(anchor.mirror_probability for anchor in found.anchors) < 0.05
