@@ -1,4 +1,4 @@
-"""Build the one compiled part: the solver's inner loop (see src/gaia_uwb/_solver.c)."""
+"""Build the compiled parts: inner loops of the solver (_solver.c) and of outlines (_tour.c)."""
 
 import sys
 
@@ -19,9 +19,10 @@ FLAGS = [
 setup(
     ext_modules=[
         Extension(
-            "gaia_uwb._solver",
-            sources=["src/gaia_uwb/_solver.c"],
+            f"gaia_uwb.{name}",
+            sources=[f"src/gaia_uwb/{name}.c"],
             extra_compile_args=[] if sys.platform == "win32" else FLAGS,
         )
+        for name in ("_solver", "_tour")
     ]
 )

@@ -49,3 +49,18 @@ def test_stays_short_with_many_points() -> None:
 def test_of_very_few_points(n: int) -> None:
     points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])[:n]
     assert sorted(short_tour(points, start=np.array([0]))) == list(range(n))
+
+
+@pytest.mark.parametrize("start", [[], [0, 0], [5], [-1]])
+def test_a_start_that_is_none_is_refused(start: list[int]) -> None:
+    points = np.random.default_rng(0).uniform(0.0, 1.0, (5, 2))
+    with pytest.raises(ValueError, match="different rows"):
+        short_tour(points, np.array(start, dtype=np.int64))
+
+
+@pytest.mark.parametrize("n", [4, 5, 50])
+def test_points_in_one_place_or_on_one_line_come_to_an_end(n: int) -> None:
+    assert sorted(short_tour(np.zeros((n, 2)), np.array([0]))) == list(range(n))
+    line = np.stack([np.random.default_rng(n).permutation(n) * 0.1, np.zeros(n)], axis=-1)
+    tour = short_tour(line, np.array([2]))
+    assert tour_length_m(line, tour) == pytest.approx(0.2 * (n - 1))

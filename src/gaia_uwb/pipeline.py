@@ -274,11 +274,9 @@ def reconstruct_episodes(
     blind = [episode.without_truth() for episode in episodes]
     denoiser = make_denoiser(config.denoiser)
     denoised = denoiser(blind)
-    hypotheses = locate(blind, denoised, config.solver, nlos=true_nlos)
+    decisions = _decide(blind, denoised, config, true_nlos)
     results = []
-    for episode, ranges, places in zip(blind, denoised, hypotheses, strict=True):
-        facts = KnownFacts.of(config.prior, episode)
-        decision = _decide(episode, ranges, places, facts, config)
+    for episode, ranges, decision in zip(blind, denoised, decisions, strict=True):
         anchors = decision.anchors
         boundary = make_boundary(np.stack([anchor.position_m for anchor in anchors]))
         reasons = (
@@ -305,23 +303,33 @@ def _pass_reasons(
 
 
 def _decide(
-    episode: Episode,
-    ranges: DenoisedRanges,
-    places: Hypotheses,
-    facts: KnownFacts | None,
+    episodes: Sequence[Episode],
+    denoised: Sequence[DenoisedRanges],
     config: PipelineConfig,
-) -> Decision:
+    true_nlos: Sequence[Bool[Array, "_ _"]] | None,
+) -> list[Decision]:
     """Decide the sides: by what the denoiser knows of work zones, or by the ranges and a prior.
 
     The paper's solver and sides that are decided one by one are asked for to see what they give:
     then the denoiser has no say.
     """
     ours = config.solver.kind == "robust" and config.sides.joint
-    if ranges.zone is not None and ours:
-        return decide_zone(
-            episode.anchor_ids, ranges.zone, places.n_ranges, config.sides, config.solver, facts
-        )
-    return decide_sides(episode.anchor_ids, places, config.sides, config.solver, facts)
+    decisions: dict[int, Decision] = {}
+    for k, (episode, ranges) in enumerate(zip(episodes, denoised, strict=True)):
+        if ranges.zone is not None and ours:
+            facts = KnownFacts.of(config.prior, episode)
+            n_ranges = np.count_nonzero(ranges.valid & np.isfinite(ranges.range_m), axis=0)
+            decisions[k] = decide_zone(
+                episode.anchor_ids, ranges.zone, n_ranges, config.sides, config.solver, facts
+            )
+    rest = [k for k in range(len(episodes)) if k not in decisions]
+    labels = None if true_nlos is None else [true_nlos[k] for k in rest]
+    own = [episodes[k] for k in rest]
+    found = locate(own, [denoised[k] for k in rest], config.solver, nlos=labels)
+    for k, episode, places in zip(rest, own, found, strict=True):
+        facts = KnownFacts.of(config.prior, episode)
+        decisions[k] = decide_sides(episode.anchor_ids, places, config.sides, config.solver, facts)
+    return [decisions[k] for k in range(len(episodes))]
 
 
 def _log_reasons(episode: Episode, config: PipelineConfig) -> Iterator[str]:

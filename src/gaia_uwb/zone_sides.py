@@ -8,7 +8,6 @@ an anchor's mirror image keeps the probability of all combinations that put the 
 from __future__ import annotations
 
 import heapq
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,6 +22,7 @@ from gaia_uwb.sides import Combinations, Decision, kept_combinations
 from gaia_uwb.zone_posterior import ZonePosterior
 
 _LOOKED_AT = 128  # likeliest combinations under each hypothesis
+_HOPELESS = 20.0  # log odds against a combination, beyond which it is not looked at
 _LEAST = 1e-4  # probability of a side, where something else is known: no network is surer than that
 
 
@@ -197,11 +197,16 @@ def _as_hypotheses(
 
 def _candidates(right: Float64[Array, "2 M"]) -> Int64[Array, "K M"]:
     """Return the likeliest combinations under each hypothesis."""
-    return np.unique(np.concatenate([_likeliest(own, _LOOKED_AT) for own in right]), axis=0)
+    m = right.shape[1]
+    found = sorted({combination for own in right for combination in _likeliest(own, _LOOKED_AT)})
+    n_bytes = m // 8 + 1
+    packed = b"".join(combination.to_bytes(n_bytes, "little") for combination in found)
+    rows = np.frombuffer(packed, dtype=np.uint8).reshape(len(found), n_bytes)
+    return np.unpackbits(rows, axis=1, count=m, bitorder="little").astype(np.int64)
 
 
-def _likeliest(right: Float64[Array, "M"], count: int) -> Int64[Array, "K M"]:
-    """Return the likeliest combinations of independent sides, the best first.
+def _likeliest(right: Float64[Array, "M"], count: int) -> list[int]:
+    """Return the likeliest combinations of independent sides, the best first, as bits per anchor.
 
     Next to the best are those with other sides for the anchors where that costs least: with the
     costs in order, every set of anchors has exactly one parent in which its last anchor is left
@@ -211,20 +216,20 @@ def _likeliest(right: Float64[Array, "M"], count: int) -> Int64[Array, "K M"]:
         cost = np.abs(np.log(right) - np.log1p(-right))
     order = np.argsort(cost, kind="stable")
     costs = cost[order].tolist()
-    best = (right > 0.5).astype(np.int64)
+    bits = [1 << n for n in order.tolist()]
+    best = sum(1 << n for n in np.flatnonzero(right > 0.5).tolist())
     found = [best]
-    heap: list[tuple[float, tuple[int, ...]]] = [(costs[0], (0,))] if costs else []
-    while heap and len(found) < count and math.isfinite(heap[0][0]):
-        total, flipped = heapq.heappop(heap)
-        side = best.copy()
-        side[order[list(flipped)]] ^= 1
-        found.append(side)
-        last = flipped[-1]
+    # Cost, combination, and the position of its last change in the order of costs.
+    heap = [(costs[0], best ^ bits[0], 0)] if costs else []
+    while heap and len(found) < count and heap[0][0] < _HOPELESS:
+        total, combination, last = heapq.heappop(heap)
+        found.append(combination)
         if last + 1 < len(costs):
-            heapq.heappush(heap, (total + costs[last + 1], (*flipped, last + 1)))
+            following = combination ^ bits[last + 1]
+            heapq.heappush(heap, (total + costs[last + 1], following, last + 1))
             moved = total - costs[last] + costs[last + 1]
-            heapq.heappush(heap, (moved, (*flipped[:-1], last + 1)))
-    return np.stack(found)
+            heapq.heappush(heap, (moved, following ^ bits[last], last + 1))
+    return found
 
 
 def _what_may_be_said(right: Float64[Array, "2 M"]) -> Int64[Array, "K M"]:
