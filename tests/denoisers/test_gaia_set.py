@@ -13,7 +13,7 @@ pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 
 from gaia_uwb.checkpoint import DESCRIPTION, ONNX
 from gaia_uwb.denoisers import make_denoiser
-from gaia_uwb.denoisers.gaia_set import _LONGEST
+from gaia_uwb.denoisers.gaia_set import _LONGEST, _TOGETHER
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.simulate import find_preset, simulate_episodes
@@ -96,6 +96,25 @@ def test_what_is_too_long_is_cut_into_windows_without_seams(model: Path) -> None
     assert found.zone is None
     middle = slice(2000, 2010)
     assert np.nanmax(np.abs(np.diff(found.range_m[middle] - run.range_m[middle], axis=0))) < 0.5
+
+
+def test_what_is_too_many_is_cut_into_groups_by_when_they_are_passed(model: Path) -> None:
+    run = make_run(4, n_steps=40, n_anchors=_TOGETHER + 30, missing=0.0)
+    # First come those that are ranged in the first half only, in any order of columns.
+    early = np.random.default_rng(0).permutation(run.n_anchors)[: run.n_anchors // 2]
+    valid = np.zeros((40, run.n_anchors), dtype=bool)
+    valid[20:] = True
+    valid[:, early] = ~valid[:, early]
+    run = replace(run, valid=valid, range_m=np.where(valid, run.range_m, np.nan), truth=None)
+    (found,) = denoise(model, [run])
+    np.testing.assert_array_equal(found.valid, valid)
+    assert np.isfinite(found.sigma_m[valid]).all() and found.zone is None
+    ids = tuple(run.anchor_ids[n] for n in early)
+    columns = {"range_m": run.range_m[:, early], "valid": valid[:, early]}
+    up_m = np.ones(len(ids))
+    (alone,) = denoise(model, [replace(run, anchor_ids=ids, anchor_up_m=up_m, **columns)])
+    both = valid[:, early]
+    np.testing.assert_allclose(found.range_m[:, early][both], alone.range_m[both], atol=1e-3)
 
 
 @pytest.mark.parametrize("harm", ["missing", "damaged", "of another kind"])

@@ -3,19 +3,22 @@
 Beside ranges it says where all anchors stand and on which sides, for episodes of up to 512 steps,
 twice the longest of its training. Places of longer ones come from the solver, which needs no help
 with so many ranges. Episodes of up to 4,096 steps are denoised as a whole; what is longer still is
-cut into windows that overlap by half and fade into one another.
+cut into windows that overlap by half and fade into one another. More than 200 anchors are denoised
+in groups of those that are passed one after another.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._typing import Array, Float64, Int64
 from gaia_uwb.checkpoint import ONNX, find_model, read_file, read_set_description
 from gaia_uwb.denoisers._base import Denoiser, Options
 from gaia_uwb.denoisers._onnx import start_session
@@ -33,6 +36,7 @@ _OUTPUTS = ("denoised_range", "log_sigma", "place", "information", "scene_logit"
 _LONGEST_LOCATED = 512  # steps of episodes whose anchors it locates
 _LONGEST = 4096  # steps that are denoised as a whole
 _WINDOW = 512  # steps of a window of what is longer
+_TOGETHER = 200  # anchors that see each other
 _READINGS = 1 << 17  # (episodes x anchors x steps) that the network takes at a time
 _LEAST_STEPS = 3  # fewer have no path
 _LEAST_RANGES = 4  # an anchor with fewer cannot be located, and keeps its measured ranges
@@ -78,6 +82,8 @@ class NeuralGaiaSet(Denoiser):
         for k, episode in enumerate(episodes):
             if episode.n_steps < _LEAST_STEPS:
                 found[k] = _as_measured(episode)
+            elif episode.n_anchors > _TOGETHER:
+                found[k] = self._in_groups(episode)
             elif episode.n_steps > _LONGEST:
                 found[k] = self._long(episode)
             else:
@@ -139,6 +145,17 @@ class NeuralGaiaSet(Denoiser):
             for b, episode in enumerate(episodes)
         ]
 
+    def _in_groups(self, episode: Episode) -> DenoisedRanges:
+        """Denoise many anchors in groups, by when each is ranged."""
+        when = np.arange(episode.n_steps) @ episode.valid / np.maximum(episode.valid.sum(axis=0), 1)
+        order = np.argsort(when, kind="stable")
+        groups = np.array_split(order, math.ceil(episode.n_anchors / _TOGETHER))
+        range_m, sigma_m = np.full((2, *episode.valid.shape), np.nan)
+        for rows in groups:  # one after another: memory for one
+            (part,) = self([_of_some_anchors(episode, rows)])
+            range_m[:, rows], sigma_m[:, rows] = part.range_m, part.sigma_m
+        return DenoisedRanges(range_m=range_m, sigma_m=sigma_m, valid=episode.valid)
+
     def _long(self, episode: Episode) -> DenoisedRanges:
         """Denoise a long episode window by window."""
         starts = window_starts(episode.n_steps, _WINDOW)
@@ -153,6 +170,18 @@ class NeuralGaiaSet(Denoiser):
             sigma_m=whole([window.sigma_m for window in windows]),
             valid=episode.valid,
         )
+
+
+def _of_some_anchors(episode: Episode, rows: Int64[Array, "K"]) -> Episode:
+    """Return an episode with the anchors of these columns only, without truth."""
+    return replace(
+        episode,
+        anchor_ids=tuple(episode.anchor_ids[n] for n in rows.tolist()),
+        range_m=episode.range_m[:, rows],
+        valid=episode.valid[:, rows],
+        anchor_up_m=None if episode.anchor_up_m is None else episode.anchor_up_m[rows],
+        truth=None,
+    )
 
 
 def _as_measured(episode: Episode) -> DenoisedRanges:
