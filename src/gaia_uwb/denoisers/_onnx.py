@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 def start_session(content: bytes, source: str) -> onnxruntime.InferenceSession:
     """Return a session that runs a network on all processors that this process may use.
 
+    Like other numerical libraries it uses no more than ``OMP_NUM_THREADS``, where that is set.
+
     Parameters
     ----------
     content
@@ -40,6 +42,8 @@ def start_session(content: bytes, source: str) -> onnxruntime.InferenceSession:
 
 def _n_processors() -> int:
     """Return how many processors this process may use, where the system says so."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    allowed = os.environ.get("OMP_NUM_THREADS", "")
+    if allowed.isdecimal() and int(allowed):
+        return min(there or 1, int(allowed))
+    return there or 1
