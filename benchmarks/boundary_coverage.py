@@ -6,7 +6,7 @@ side is open, holds its true place. With --calibrate it prints, for simulated tr
 the coverage at several levels, from which `Levels` were chosen.
 
 Usage: python benchmarks/boundary_coverage.py [--data-dir FOLDER] [--episodes N] [--calibrate]
-       (or GAIA_DATA_DIR)
+       [--denoiser NAME] (or GAIA_DATA_DIR)
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import shapely
 
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.boundary_uncertainty import Levels, Region, boundary_uncertainty
-from gaia_uwb.config import SidesConfig
+from gaia_uwb.config import PipelineConfig, SidesConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.geometry import RigidAlignment, rigid_align, rotation_matrix
 from gaia_uwb.pipeline import Reconstruction, prepare, reconstruct_episodes
@@ -57,27 +57,26 @@ class Case:
 
 
 def reconstructed(
-    episodes: Sequence[Episode], frames: Sequence[RigidAlignment | None]
+    episodes: Sequence[Episode], frames: Sequence[RigidAlignment | None], config: PipelineConfig
 ) -> Iterator[Case]:
     """Yield every episode's result that has a boundary."""
-    for result, episode, frame in zip(
-        reconstruct_episodes(episodes), episodes, frames, strict=True
-    ):
+    results = reconstruct_episodes(episodes, config)
+    for result, episode, frame in zip(results, episodes, frames, strict=True):
         if result.possible is not None and episode.truth is not None:
             located = result.possible[1].located
             if len(located) >= 3:
                 yield Case(result, episode.truth.anchor_m[located], frame)
 
 
-def real_cases(data_dir: Path) -> dict[str, list[Case]]:
+def real_cases(data_dir: Path, config: PipelineConfig) -> dict[str, list[Case]]:
     """Return whole runs and their windows; a run's frame error is taken out of both."""
     runs = [prepare(scene) for scene in load_scenes("outdoor-uwb", data_dir=data_dir)]
-    whole = list(reconstructed(runs, [None] * len(runs)))
+    whole = list(reconstructed(runs, [None] * len(runs), config))
     frames = [_frame(case) for case in whole]
     aligned = [Case(c.result, c.true_m, f) for c, f in zip(whole, frames, strict=True)]
     windows = [(w, f) for run, f in zip(runs, frames, strict=True) for w in run.windows(WINDOW)]
     usable = [(w, f) for w, f in windows if w.valid.any()]
-    cut = list(reconstructed([w for w, _ in usable], [f for _, f in usable]))
+    cut = list(reconstructed([w for w, _ in usable], [f for _, f in usable], config))
     bare = [Case(c.result, c.true_m, None) for c in cut]
     return {
         "outdoor-uwb, whole runs, aligned": aligned,
@@ -115,8 +114,10 @@ def drawn(case: Case) -> Scenes:
     return sample_scenes(*case.result.possible)
 
 
-def judge(case: Case, levels: Levels = Levels(), scenes: Scenes | None = None) -> Verdict:
+def judge(case: Case, levels: Levels | None = None, scenes: Scenes | None = None) -> Verdict:
     """Compare a case's regions with its true zone."""
+    assert case.result.possible is not None
+    levels = Levels.of(learned=case.result.possible[1].learned) if levels is None else levels
     scenes = drawn(case) if scenes is None else scenes
     found = boundary_uncertainty(scenes.place_m, scenes.combination, levels)
     zone = shapely.convex_hull(shapely.MultiPoint(case.true_m))
@@ -174,10 +175,10 @@ HEAD = (
 )
 
 
-def calibrate(n: int) -> None:
+def calibrate(n: int, config: PipelineConfig) -> None:
     """Print the coverage at several levels on simulated training layouts."""
     episodes = [prepare(scene) for scene in load_scenes(TRAINING.format(n=n))]
-    cases = list(reconstructed(episodes, [None] * len(episodes)))
+    cases = list(reconstructed(episodes, [None] * len(episodes), config))
     held = []
     for case in cases:
         scenes = drawn(case)
@@ -195,18 +196,21 @@ def main() -> None:
     parser.add_argument("--data-dir", type=Path, default=os.environ.get("GAIA_DATA_DIR"))
     parser.add_argument("--episodes", type=int, default=300)
     parser.add_argument("--calibrate", action="store_true")
+    parser.add_argument("--denoiser", default=PipelineConfig().denoiser)
     given = parser.parse_args()
+    config = PipelineConfig(denoiser=given.denoiser)
     if given.calibrate:
-        calibrate(given.episodes)
+        calibrate(given.episodes, config)
         return
     start = time.perf_counter()
     print(HEAD)
     for test in TESTS:
         name = test.format(n=given.episodes)
         episodes = [prepare(scene) for scene in load_scenes(name)]
-        print(row(name, list(reconstructed(episodes, [None] * len(episodes)))), flush=True)
+        cases = list(reconstructed(episodes, [None] * len(episodes), config))
+        print(row(name, cases), flush=True)
     if given.data_dir is not None:
-        for name, cases in real_cases(Path(given.data_dir)).items():
+        for name, cases in real_cases(Path(given.data_dir), config).items():
             print(row(name, cases), flush=True)
     print(f"\n{time.perf_counter() - start:.0f} s")
 

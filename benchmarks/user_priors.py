@@ -1,7 +1,7 @@
 """Measure what a user's knowledge of a zone is worth: docs/howto/known-facts.md.
 
 The same simulated test passes are reconstructed without and with true statements, and with wrong
-ones. Usage: python benchmarks/user_priors.py [--episodes N] [--source SPEC]
+ones. Usage: python benchmarks/user_priors.py [--episodes N] [--source SPEC] [--denoiser NAME]
 """
 
 from __future__ import annotations
@@ -12,17 +12,15 @@ from collections.abc import Callable
 import numpy as np
 
 from gaia_uwb.config import PipelineConfig, make_config
-from gaia_uwb.denoisers import make_denoiser
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.known_facts import KnownFacts
-from gaia_uwb.locate import Hypotheses, locate
 from gaia_uwb.metrics import score_episode
-from gaia_uwb.pipeline import prepare
-from gaia_uwb.sides import decide_sides
+from gaia_uwb.pipeline import prepare, reconstruct_episodes
 from gaia_uwb.sources import load_scenes
 
 Said = Callable[[Episode], dict[str, object]]
+OBJECTIONS = ("speak against", "were said to be")  # in a result's reasons
 OTHER = {"left": "right", "right": "left"}
 
 
@@ -55,17 +53,15 @@ STATEMENTS: dict[str, Said] = {
 }
 
 
-def row(name: str, said: Said, episodes: list[Episode], found: list[Hypotheses]) -> str:
+def row(name: str, said: Said, episodes: list[Episode], denoiser: str) -> str:
     """Reconstruct all episodes with one statement and return a row of the table."""
     scores, noticed, doubtful = [], [], []
-    for episode, places in zip(episodes, found, strict=True):
-        config = make_config({"prior": said(episode)})
-        facts = KnownFacts.of(config.prior, episode)
-        decision = decide_sides(episode.anchor_ids, places, config.sides, config.solver, facts)
-        ranges = make_denoiser("raw")([episode])[0]
-        scores.append(score_episode(episode, ranges, decision.anchors))
-        noticed.append(bool(decision.reasons))
-        doubtful.append(np.mean([fix.status is AnchorStatus.AMBIGUOUS for fix in decision.anchors]))
+    for episode in episodes:
+        config = make_config({"denoiser": denoiser, "prior": said(episode)})
+        (found,) = reconstruct_episodes([episode], config)
+        scores.append(score_episode(episode, found.denoised, found.anchors))
+        noticed.append(any(word in reason for reason in found.reasons for word in OBJECTIONS))
+        doubtful.append(np.mean([fix.status is AnchorStatus.AMBIGUOUS for fix in found.anchors]))
     cells = []
     for metric, scale, digits in (
         ("polygon_iou", 1.0, 3),
@@ -85,16 +81,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--episodes", type=int, default=300)
     parser.add_argument("--source", default="sim:wild-test/1")
+    parser.add_argument("--denoiser", default=PipelineConfig().denoiser)
     given = parser.parse_args()
     runs = [prepare(scene) for scene in load_scenes(f"{given.source}/{given.episodes}")]
     episodes = [run for run in runs if side_of(run) is not None]
-    blind = [run.without_truth() for run in episodes]
-    found = locate(blind, make_denoiser(PipelineConfig().denoiser)(blind))
-    print(f"{len(episodes)} of {len(runs)} zones have all cones on one side\n")
+    print(f"{len(episodes)} of {len(runs)} zones have all cones on one side; {given.denoiser}\n")
     print("| said | IoU | anchor error (m) | wrong sides | side unknown | statement contradicted |")
     print("|---|---|---|---|---|---|")
     for name, said in STATEMENTS.items():
-        print(row(name, said, episodes, found), flush=True)
+        print(row(name, said, episodes, given.denoiser), flush=True)
 
 
 if __name__ == "__main__":

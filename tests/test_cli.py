@@ -81,7 +81,7 @@ def test_survey_gives_metrics(run, tmp_path: Path) -> None:  # type: ignore[no-u
 
 
 def test_straight_path_is_unreliable_and_says_why(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    code, out, _ = run("reconstruct", "sim:straight", "--out", tmp_path)
+    code, out, _ = run("reconstruct", "sim:straight/4", "--out", tmp_path)
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert code == 1
     assert report["status"] == "unreliable"

@@ -87,7 +87,8 @@ def test_a_closure_keeps_all_cones_to_one_side(seed) -> None:
     scene = simulate_pass(PRESETS["straight"], seed=seed)
 
     def wrong(**said):
-        anchors = reconstruct(scene, make_config({"prior": said})).anchors
+        config = make_config({"denoiser": "pose-kalman", "prior": said})
+        anchors = reconstruct(scene, config).anchors
         off_m = np.stack([fix.position_m for fix in anchors]) - scene.truth.anchor_m
         return int((np.hypot(*off_m.T) > 1.5).sum())
 

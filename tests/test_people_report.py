@@ -90,7 +90,7 @@ def test_numbers_of_the_fit_are_those_of_the_ranges() -> None:
 
 
 def test_straight_run() -> None:
-    parts = read(reconstruct(simulate_pass(PRESETS["straight"], seed=0)))
+    parts = read(reconstruct(simulate_pass(PRESETS["straight"], seed=4)))
     assert parts[""].count("**Check before use.**") == 1
     assert "stand is not certain" in parts["What limited it"]
     assert "The path was straight" in parts["What limited it"]

@@ -301,3 +301,19 @@ def test_what_is_known_is_weighed_with_its_places(side: Literal["left", "right"]
     there = [a.position_m.tolist() == p.tolist() for a, p in zip(found.anchors, on_it, strict=True)]
     assert all(there)
     assert max(anchor.mirror_probability for anchor in found.anchors) < 0.05
+
+
+def test_what_a_locating_denoiser_found_is_no_evidence_of_places_to_the_solver() -> None:
+    near, far = two_lanes(seed=3)
+    drawn, measured = (
+        reconstruct([near, far], PipelineConfig(denoiser=name)) for name in ("gaia-set", "raw")
+    )
+    assert str(drawn.anchors) == str(measured.anchors)
+    assert not np.array_equal(drawn.denoised.range_m, measured.denoised.range_m, equal_nan=True)
+    (episode,) = simulate_episodes(find_preset("wild-test"), 1, seed=3)
+    apart = SidesConfig(joint=False)
+    alone = [
+        reconstruct_episodes([episode], PipelineConfig(denoiser=name, sides=apart))[0].anchors
+        for name in ("gaia-set", "raw")
+    ]
+    assert str(alone[0]) == str(alone[1])

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
@@ -42,8 +43,20 @@ def test_it_learns_and_writes_all_that_belongs_to_a_model(tmp_path: Path) -> Non
     names = {DESCRIPTION, ONNX, WEIGHTS, CARD, CURVES, LOG, STATE}
     assert names <= {path.name for path in tmp_path.iterdir()}
     assert read_set_description(tmp_path) == found
-    assert found.ellipse_scale > 0
+    assert [steps for steps, _ in found.variance_scales] == [64, 256, 1024]
+    assert all(scale > 0 for _, scale in found.variance_scales)
     assert found.metrics["wild_scene"] == pytest.approx(log[-1]["kinds"]["wild"]["scene"], abs=1e-5)
+
+
+def test_variances_grow_in_proportion_between_the_lengths_they_were_calibrated_at(
+    tmp_path: Path,
+) -> None:
+    found = train_tiny_set(tmp_path).model_copy(
+        update={"variance_scales": ((64, 1.0), (256, 4.0), (1024, 2.0))}
+    )
+    lengths = (5, 64, 128, 256, 512, 1024, 4096)
+    expected = (1.0, 1.0, 2.0, 4.0, np.sqrt(8.0), 2.0, 2.0)
+    assert [found.variance_scale(n) for n in lengths] == pytest.approx(expected)
 
 
 def test_an_interrupted_training_ends_as_one_that_was_not(tmp_path: Path) -> None:

@@ -8,12 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gaia_uwb.config import PipelineConfig, make_config
+from gaia_uwb.config import PipelineConfig, SolverConfig, make_config
+from gaia_uwb.episode import ClockOffset, Episode
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.sides import Decision
 from gaia_uwb.zone_posterior import ZonePosterior
-from gaia_uwb.zone_sides import decide_zone
+from gaia_uwb.zone_sides import decide_zone, widened
 
 RANGES = np.full(20, 50)
 
@@ -212,3 +213,42 @@ def test_two_hundred_anchors_and_a_statement() -> None:
         ),
     )
     assert all(fix.position_m[1] < 0 for fix in decision.anchors)
+
+
+def test_two_places_that_meet_are_one_and_leave_no_side_open() -> None:
+    one = zone(0.5, both(3, 0.8))
+    place = one.place_m.copy()
+    place[1, 1] = place[1, 0] + [0.0, 0.3]  # both refined to one place, as on a winding path
+    decision = decide(replace(one, place_m=place))
+    assert [fix.status for fix in decision.anchors] == [
+        AnchorStatus.AMBIGUOUS, AnchorStatus.OK, AnchorStatus.AMBIGUOUS,
+    ]  # fmt: skip
+    merged = decision.anchors[1]
+    assert merged.mirror_probability == 0.0
+    # Mean and variance of two places with probability 1/2 each, 0.3 m apart.
+    np.testing.assert_allclose(merged.position_m, place[1, 0] + [0.0, 0.15])
+    np.testing.assert_allclose(merged.covariance_m2, np.diag([0.04, 0.04 + 0.15**2]))
+    assert len({tuple(side[[0, 2]]) for side in decision.combinations.side}) == 4
+    assert len({int(side[1]) for side in decision.combinations.side}) == 1
+
+
+def test_places_are_as_unsure_as_the_clock_and_never_surer_than_the_floor() -> None:
+    t_s = np.arange(50) * 0.1
+    valid = np.ones((50, 2), dtype=bool)
+    valid[10:, 1] = False
+    episode = Episode(
+        name="drive",
+        anchor_ids=("a", "b"),
+        t_s=t_s,
+        position_m=np.stack([3.0 * t_s, np.zeros(50)], axis=-1),
+        range_m=np.where(valid, 5.0, np.nan),
+        valid=valid,
+        clock=ClockOffset(0.0, 0.02, applied=True, reason="found"),
+    )
+    one = zone(0.5, both(2, 0.9))
+    found = widened(one, episode, SolverConfig(position_floor_m=0.05))
+    more = found.covariance_m2 - one.covariance_m2
+    expected = np.diag([0.06**2 + 0.05**2, 0.05**2])  # 0.02 s at 3 m/s, along the path
+    np.testing.assert_allclose(more, np.broadcast_to(expected, (2, 2, 2, 2)), atol=1e-12)
+    alone = widened(one, replace(episode, clock=None), SolverConfig(position_floor_m=0.0))
+    np.testing.assert_array_equal(alone.covariance_m2, one.covariance_m2)

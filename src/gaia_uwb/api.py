@@ -57,7 +57,7 @@ def reconstruct(
     Examples
     --------
     >>> import gaia_uwb
-    >>> result = gaia_uwb.reconstruct("sim:straight")
+    >>> result = gaia_uwb.reconstruct("sim:straight/4")
     >>> result.status.value
     'unreliable'
     >>> print(result.anchors[0].status.message)

@@ -59,7 +59,10 @@ class Levels:
     and vehicles delay ranges in ways that a log does not show. So they were chosen on simulated
     passes of the preset ``wild``, its training layouts only, and on nothing that a test uses::
 
-        python benchmarks/boundary_coverage.py --calibrate
+        python benchmarks/boundary_coverage.py --calibrate --denoiser pose-kalman
+        python benchmarks/boundary_coverage.py --calibrate --denoiser gaia-set
+
+    The first gave the defaults, the second what :meth:`of` returns of what was learned.
 
     Parameters
     ----------
@@ -69,6 +72,17 @@ class Levels:
 
     inner: float = 0.987
     outer: float = 0.78
+
+    @classmethod
+    def of(cls, *, learned: bool) -> Levels:
+        """Return the levels for scenes of the solver, or of a denoiser that locates anchors.
+
+        Parameters
+        ----------
+        learned
+            Like :class:`~gaia_uwb.sides.Combinations`.
+        """
+        return cls(inner=0.90, outer=0.92) if learned else cls()
 
 
 _SIMPLIFY_M = 0.002  # corners of a region that matter less are left out

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from gaia_uwb.errors import GaiaError
 
 UNRELIABLE, BAD_INPUT, INTERRUPTED = 1, 2, 130
-SCORED = "raw,median,kalman,pose-kalman"
+SCORED = "raw,median,kalman,pose-kalman,gaia-set"
 
 app = typer.Typer(
     name="gaia",
@@ -86,8 +86,9 @@ def reconstruct(
     denoiser: Annotated[
         str | None,
         typer.Option(
-            help="raw, median, kalman, pose-kalman; or a network (mlp, pose-mlp, gaia), with what "
-            "it was trained on or its folder after a colon: gaia:stress."
+            help="gaia-set (default), raw, median, kalman, pose-kalman; or one of the paper's "
+            "networks (mlp, pose-mlp, gaia). Networks take what they were trained on, or a model's "
+            "folder, after a colon: gaia:stress."
         ),
     ] = None,
     solver: SolverOption = None,

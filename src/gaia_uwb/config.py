@@ -150,7 +150,7 @@ class PriorConfig(Settings):
 class PipelineConfig(Settings):
     """Everything that a reconstruction depends on besides the log."""
 
-    denoiser: str = "pose-kalman"
+    denoiser: str = "gaia-set"
     """Name of the denoiser (``gaia_uwb.denoisers``)."""
     alignment: AlignmentConfig = AlignmentConfig()
     calibration: CalibrationConfig = CalibrationConfig()

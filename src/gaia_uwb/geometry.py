@@ -236,7 +236,7 @@ def ordered_outline(points_m: Float64[Array, "N 2"]) -> tuple[int, ...]:
 
     Examples
     --------
-    >>> ordered_outline(np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 4.0], [1.0, 1.0], [4.0, 4.0]]))
+    >>> ordered_outline(np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 4.0], [2.0, 1.0], [4.0, 4.0]]))
     (0, 3, 1, 4, 2)
     """
     located = np.flatnonzero(np.isfinite(points_m).all(axis=1))

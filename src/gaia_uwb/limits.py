@@ -99,9 +99,9 @@ def find_limits(
     --------
     >>> from gaia_uwb.pipeline import reconstruct
     >>> from gaia_uwb.simulate import PRESETS, simulate_pass
-    >>> result = reconstruct(simulate_pass(PRESETS["straight"], seed=0))
+    >>> result = reconstruct(simulate_pass(PRESETS["straight"], seed=4))
     >>> [limit.kind.value for limit in find_limits(result.episode, result.anchors)][:2]
-    ['unknown-side', 'blocked']
+    ['unknown-side', 'gaps']
     """
     look = _Look(episode, tuple(anchors), config, name)
     checks: tuple[Callable[[_Look], Iterable[Limit]], ...] = (

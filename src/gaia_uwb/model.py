@@ -294,9 +294,9 @@ class SetModelDescription(Settings):
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
     network: GaiaSetOptions
-    ellipse_scale: float = Field(default=1.0, gt=0)
-    """Variances of places are multiplied by this, so that on validation scenes 90 % of the 90 %
-    ellipses hold the anchor (split conformal)."""
+    variance_scales: tuple[tuple[int, float], ...] = Field(min_length=1, strict=False)
+    """Numbers of steps, and what variances of places are multiplied by in scenes as long as that,
+    so that on validation scenes 90 % of the 90 % ellipses hold the anchor (split conformal)."""
     data: dict[str, Any]
     """What it was trained on."""
     training: SetTrainingOptions
@@ -306,3 +306,14 @@ class SetModelDescription(Settings):
     """Of the package that trained it."""
     sha256: dict[str, str] = Field(default_factory=dict)
     """Checksums of the files beside this one, and of all else in this one."""
+
+    def variance_scale(self, n_steps: int) -> float:
+        """Return what variances of places are multiplied by; between known lengths, in proportion.
+
+        Parameters
+        ----------
+        n_steps
+            Of a scene.
+        """
+        steps, scales = zip(*self.variance_scales, strict=True)
+        return float(np.exp(np.interp(np.log(n_steps), np.log(steps), np.log(scales))))

@@ -102,6 +102,9 @@ def set_model_card(description: SetModelDescription) -> str:
         for part in (description.network, description.training)
         for name, value in part.model_dump().items()
     )
+    scales = ", ".join(
+        f"{scale:.3f} ({steps} steps)" for steps, scale in description.variance_scales
+    )
     return f"""\
 # {description.network.kind}, for work zones that it has never seen
 
@@ -122,8 +125,8 @@ gaia train gaia-set --data sim:mixed --seed {description.training.seed} --out my
 |---|---|
 {metrics}
 
-Variances of places are multiplied by {description.ellipse_scale:.3f}, so that 90 % of the 90 %
-ellipses of validation scenes hold their anchor.
+Variances of places are multiplied by {scales}, so that 90 % of the 90 %
+ellipses of validation scenes hold their anchor; in proportion for scenes of lengths in between.
 
 ## Limits
 

@@ -47,7 +47,7 @@ def people_report(reconstruction: Reconstruction) -> str:
     >>> from gaia_uwb.simulate import PRESETS, simulate_pass
     >>> report = people_report(reconstruct(simulate_pass(PRESETS["lane-closure"], seed=0)))
     >>> print(report.splitlines()[2])
-    **Reliable.** 8 of 8 cones were located. The work zone covers 1118 m².
+    **Reliable.** 8 of 8 cones were located. The work zone covers 1122 m².
     """
     limits = _all_limits(reconstruction)
     blocks = [

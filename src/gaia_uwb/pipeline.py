@@ -21,7 +21,7 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Bool
 from gaia_uwb.alignment import align
-from gaia_uwb.boundary_uncertainty import BoundaryUncertainty, boundary_uncertainty
+from gaia_uwb.boundary_uncertainty import BoundaryUncertainty, Levels, boundary_uncertainty
 from gaia_uwb.calibration import calibrate
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoisers import Denoiser, make_denoiser
@@ -36,7 +36,7 @@ from gaia_uwb.scene import Scene
 from gaia_uwb.scene_samples import sample_scenes
 from gaia_uwb.sides import Combinations, Decision, decide_sides
 from gaia_uwb.zone_passes import in_one_frame, join_windows, with_anchor_ranges, with_anchors
-from gaia_uwb.zone_sides import decide_zone
+from gaia_uwb.zone_sides import decide_zone, widened
 
 _MISFIT_M = 1.0  # ranges of a working radio on a known path err by less
 _BIAS_SIGMA = 4.0  # a range bias so many prior standard deviations from 0 is none of a radio
@@ -96,7 +96,8 @@ class Reconstruction:
         if self.possible is None or len(self.possible[1].located) < 3:
             return None
         scenes = sample_scenes(*self.possible)
-        return boundary_uncertainty(scenes.place_m, scenes.combination)
+        levels = Levels.of(learned=self.possible[1].learned)
+        return boundary_uncertainty(scenes.place_m, scenes.combination, levels)
 
     @property
     def passes(self) -> tuple[tuple[Episode, DenoisedRanges], ...]:
@@ -227,8 +228,9 @@ def reconstruct_passes(
         return reconstruct_episodes(passes, config)[0]
     denoiser = make_denoiser(config.denoiser)
     denoised = denoiser(passes)
-    hypotheses = locate(passes, denoised, config.solver)
-    fused = fuse(list(map(LocatedPass, passes, denoised, hypotheses)), config)
+    evidence = _evidence(denoiser, passes, denoised, config)
+    hypotheses = locate(passes, evidence, config.solver)
+    fused = fuse(list(map(LocatedPass, passes, evidence, hypotheses)), config)
     ids = fused.anchor_ids
     first, *more = [
         (with_anchors(episode, ids), with_anchor_ranges(ranges, episode, ids))
@@ -274,7 +276,7 @@ def reconstruct_episodes(
     blind = [episode.without_truth() for episode in episodes]
     denoiser = make_denoiser(config.denoiser)
     denoised = denoiser(blind)
-    decisions = _decide(blind, denoised, config, true_nlos)
+    decisions = _decide(blind, denoiser, denoised, config, true_nlos)
     results = []
     for episode, ranges, decision in zip(blind, denoised, decisions, strict=True):
         anchors = decision.anchors
@@ -302,8 +304,21 @@ def _pass_reasons(
             yield f"{episode.name}: {reason}"
 
 
+def _evidence(
+    denoiser: Denoiser,
+    episodes: Sequence[Episode],
+    denoised: Sequence[DenoisedRanges],
+    config: PipelineConfig,
+) -> Sequence[DenoisedRanges]:
+    """Return the ranges that the solver goes by; the paper's solver takes what it is given."""
+    if denoiser.locates and config.solver.kind == "robust":
+        return make_denoiser("raw")(episodes)
+    return denoised
+
+
 def _decide(
     episodes: Sequence[Episode],
+    denoiser: Denoiser,
     denoised: Sequence[DenoisedRanges],
     config: PipelineConfig,
     true_nlos: Sequence[Bool[Array, "_ _"]] | None,
@@ -319,13 +334,15 @@ def _decide(
         if ranges.zone is not None and ours:
             facts = KnownFacts.of(config.prior, episode)
             n_ranges = np.count_nonzero(ranges.valid & np.isfinite(ranges.range_m), axis=0)
+            zone = widened(ranges.zone, episode, config.solver)
             decisions[k] = decide_zone(
-                episode.anchor_ids, ranges.zone, n_ranges, config.sides, config.solver, facts
+                episode.anchor_ids, zone, n_ranges, config.sides, config.solver, facts
             )
     rest = [k for k in range(len(episodes)) if k not in decisions]
     labels = None if true_nlos is None else [true_nlos[k] for k in rest]
     own = [episodes[k] for k in rest]
-    found = locate(own, [denoised[k] for k in rest], config.solver, nlos=labels)
+    evidence = _evidence(denoiser, own, [denoised[k] for k in rest], config)
+    found = locate(own, evidence, config.solver, nlos=labels)
     for k, episode, places in zip(rest, own, found, strict=True):
         facts = KnownFacts.of(config.prior, episode)
         decisions[k] = decide_sides(episode.anchor_ids, places, config.sides, config.solver, facts)

@@ -40,12 +40,14 @@ __all__ = ["SetTask", "train_set"]
 STATE = "training-state.safetensors"
 LOG = "training-log.jsonl"
 CURVES = "loss-curves.png"
+LEAST_MATRIX = 16
+"""Rows and columns of the smallest weights that Muon takes; smaller ones are heads."""
 
-_LEAST_MATRIX = 16  # rows and columns; smaller ones are heads, not layers between layers
 _MATRIX_DECAY = 0.01
 _ELLIPSE_SHARE = 0.9
 _CHI2_90 = -2.0 * math.log(1 - _ELLIPSE_SHARE)  # with two degrees of freedom
 _CALIBRATED_ON = "wild"
+_CALIBRATED_STEPS = (64, 256, 1024)
 
 Progress = Callable[[Iterable[int], int], Iterable[int]]
 """Goes through portions, given how many are done already."""
@@ -111,7 +113,7 @@ def _optimisers(
     matrices: list[nn.Parameter] = []
     others: list[nn.Parameter] = []
     for weights in network.parameters():
-        between = weights.ndim == 2 and min(weights.shape) >= _LEAST_MATRIX
+        between = weights.ndim == 2 and min(weights.shape) >= LEAST_MATRIX
         (matrices if between else others).append(weights)
     optimisers: dict[str, torch.optim.Optimizer] = {
         "adamw": torch.optim.AdamW(
@@ -263,11 +265,11 @@ class _Run:
         return len(self.log)
 
     @torch.no_grad()
-    def _ellipse_scale(self) -> float:
+    def _variance_scale(self, n_steps: int) -> float:
         """Return what makes 90 % of the 90 % ellipses of validation scenes hold their anchor."""
         self.network.eval()
         squares = []
-        for batch in self.validation[_CALIBRATED_ON]:
+        for batch in validation_portion(_CALIBRATED_ON, self.options.validation_episodes, n_steps):
             inputs, targets = self._tensors(batch)
             prediction = self.network(*inputs)
             # The place that explains the anchor better: an ellipse is right given the side.
@@ -291,7 +293,9 @@ class _Run:
         description = SetModelDescription(
             schema=1,
             network=self.task.network,
-            ellipse_scale=round(self._ellipse_scale(), 6),
+            variance_scales=tuple(
+                (steps, round(self._variance_scale(steps), 6)) for steps in _CALIBRATED_STEPS
+            ),
             data={
                 "source": "sim:mixed",
                 "training": f"{n_scenes} scenes, none twice: {shares}; training layouts only",

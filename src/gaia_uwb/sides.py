@@ -51,12 +51,15 @@ class Combinations:
         evidence.
     joint
         Whether the layout prior had a say in them.
+    learned
+        Whether they come from a denoiser that locates anchors itself (``zone_sides.py``).
     """
 
     located: Int64[Array, "M"]
     side: Int64[Array, "K M"]
     weight: Float64[Array, "K"]
     joint: bool
+    learned: bool = False
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gaia_uwb._typing import Array, Float64, Int64
 from gaia_uwb.config import SidesConfig, SolverConfig
+from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.locate import Hypotheses
@@ -23,6 +24,7 @@ from gaia_uwb.zone_posterior import ZonePosterior
 
 _LOOKED_AT = 128  # likeliest combinations under each hypothesis
 _HOPELESS = 20.0  # log odds against a combination, beyond which it is not looked at
+_ONE_PLACE_M = 0.5  # two places nearer to each other than a cone is wide are one
 _LEAST = 1e-4  # probability of a side, where something else is known: no network is surer than that
 
 
@@ -53,6 +55,7 @@ def decide_zone(
     """
     located = np.flatnonzero(zone.located & (n_ranges >= solver.min_ranges))
     ids = [anchor_ids[n] for n in located.tolist()]
+    zone = _one_place_where_both_meet(zone)
     hypotheses = _as_hypotheses(zone, located, n_ranges)
     if facts is None or not len(located):
         choice = _Choice.of(zone, located, hypotheses)
@@ -86,7 +89,7 @@ class _Choice:
         right = 1.0 - zone.left_probability[:, located]  # (2, M)
         side = _candidates(right)
         weight = _weight(_log_weight(zone.scene_probability, right, side))
-        combinations = kept_combinations(side, weight, located, joint=False)
+        combinations = _kept(side, weight, located)
         best = combinations.side[0]
         marginal = zone.scene_probability @ right
         mirror = np.where(best == 1, 1.0 - marginal, marginal)
@@ -122,7 +125,7 @@ class _Choice:
             for statement in holds.statements(hypotheses, located, side):
                 log_weight = log_weight + statement.log_ratio
         weight = _weight(log_weight)
-        combinations = kept_combinations(side, weight, located, joint=True)
+        combinations = _kept(side, weight, located)
         best = combinations.side[0]
         mirror = (weight[:, None] * (side != best)).sum(axis=0) / weight.sum()
         place_m = surveyed.position_m[located, best]
@@ -179,6 +182,51 @@ def _nowhere(anchor_id: str, covariance_m2: Float64[Array, "2 2 2"], n_ranges: i
     )
 
 
+def widened(zone: ZonePosterior, episode: Episode, solver: SolverConfig) -> ZonePosterior:
+    """Add to the places' covariances what no denoiser sees in one log.
+
+    That is what its clock offset may be off, which moves anchors along the path, and the floor that
+    no number of ranges improves.
+
+    Parameters
+    ----------
+    zone
+        What the denoiser says.
+    episode
+        Of which; at least two steps.
+    solver
+        ``position_floor_m``.
+    """
+    sigma_s = 0.0 if episode.clock is None else episode.clock.sigma_s
+    velocity_mps = np.gradient(episode.position_m, episode.t_s, axis=0)
+    n_ranges = np.maximum(episode.valid.sum(axis=0), 1)
+    shift_m = sigma_s * (episode.valid.T @ velocity_mps) / n_ranges[:, None]
+    more_m2 = shift_m[:, :, None] * shift_m[:, None, :] + solver.position_floor_m**2 * np.eye(2)
+    return replace(zone, covariance_m2=zone.covariance_m2 + more_m2[:, None])
+
+
+def _one_place_where_both_meet(zone: ZonePosterior) -> ZonePosterior:
+    """Merge both places of the anchors where they are one, as on a winding path: no side is open.
+
+    The one place has the mean and the covariance of the two.
+    """
+    apart_m = zone.place_m[:, 0] - zone.place_m[:, 1]
+    same = np.hypot(apart_m[:, 0], apart_m[:, 1]) < _ONE_PLACE_M
+    left = zone.scene_probability @ zone.left_probability
+    weight = np.stack([left, 1.0 - left], axis=-1)[same]
+    mean_m = np.einsum("ns,nsi->ni", weight, zone.place_m[same])
+    off_m = zone.place_m[same] - mean_m[:, None]
+    spread_m2 = zone.covariance_m2[same] + off_m[..., :, None] * off_m[..., None, :]
+    place_m, covariance_m2 = zone.place_m.copy(), zone.covariance_m2.copy()
+    left_probability = zone.left_probability.copy()
+    place_m[same] = mean_m[:, None]
+    covariance_m2[same] = np.einsum("ns,nsij->nij", weight, spread_m2)[:, None]
+    left_probability[:, same] = left[same] > 0.5
+    return replace(
+        zone, place_m=place_m, covariance_m2=covariance_m2, left_probability=left_probability
+    )
+
+
 def _as_hypotheses(
     zone: ZonePosterior, located: Int64[Array, "M"], n_ranges: Int64[Array, "N"]
 ) -> Hypotheses:
@@ -230,6 +278,12 @@ def _likeliest(right: Float64[Array, "M"], count: int) -> list[int]:
             moved = total - costs[last] + costs[last + 1]
             heapq.heappush(heap, (moved, following ^ bits[last], last + 1))
     return found
+
+
+def _kept(
+    side: Int64[Array, "K M"], weight: Float64[Array, "K"], located: Int64[Array, "M"]
+) -> Combinations:
+    return replace(kept_combinations(side, weight, located, joint=False), learned=True)
 
 
 def _what_may_be_said(right: Float64[Array, "2 M"]) -> Int64[Array, "K M"]:

@@ -86,7 +86,7 @@ def test_any_length(model: Path, n_steps: int) -> None:
     run = make_run(7, n_steps=n_steps, missing=0.3)
     (found,) = denoise(model, [run])
     np.testing.assert_array_equal(found.valid, run.valid)
-    assert (found.zone is not None) is (3 <= n_steps <= 512)
+    assert (found.zone is not None) is (n_steps >= 3)
 
 
 def test_what_is_too_long_is_cut_into_windows_without_seams(model: Path) -> None:

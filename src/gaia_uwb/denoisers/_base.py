@@ -41,6 +41,9 @@ class Denoiser(ABC):
     """Model of its options."""
     uses_pose: ClassVar[bool] = False
     """Whether the vehicle's pose takes part."""
+    locates: ClassVar[bool] = False
+    """Whether it finds the anchors' places and draws its ranges to them. Whoever locates the
+    anchors anew then goes by the measured ranges: the others would say again what it found."""
 
     def __init__(self, options: Any) -> None:
         self.options = options

@@ -1,10 +1,9 @@
 """``gaia-set``: the network for work zones that it has never seen, run by ONNX Runtime.
 
-Beside ranges it says where all anchors stand and on which sides, for episodes of up to 512 steps,
-twice the longest of its training. Places of longer ones come from the solver, which needs no help
-with so many ranges. Episodes of up to 4,096 steps are denoised as a whole; what is longer still is
-cut into windows that overlap by half and fade into one another. More than 200 anchors are denoised
-in groups of those that are passed one after another.
+Beside ranges it says where all anchors stand and on which sides, for episodes of up to 4,096 steps,
+which it takes as a whole. What is longer is cut into windows that overlap by half and fade into one
+another; their anchors are located by the solver, which needs no help with so many ranges. More than
+200 anchors are denoised in groups of those that are passed one after another.
 """
 
 from __future__ import annotations
@@ -33,8 +32,7 @@ if TYPE_CHECKING:
     import onnxruntime
 
 _OUTPUTS = ("denoised_range", "log_sigma", "place", "information", "scene_logit", "side_logit")
-_LONGEST_LOCATED = 512  # steps of episodes whose anchors it locates
-_LONGEST = 4096  # steps that are denoised as a whole
+_LONGEST = 4096  # steps that are taken as a whole
 _WINDOW = 512  # steps of a window of what is longer
 _TOGETHER = 200  # anchors that see each other
 _READINGS = 1 << 17  # (episodes x anchors x steps) that the network takes at a time
@@ -66,6 +64,7 @@ class NeuralGaiaSet(Denoiser):
 
     Options: ClassVar[type[Options]] = GaiaSetOptions
     uses_pose: ClassVar[bool] = True
+    locates: ClassVar[bool] = True
     options: GaiaSetOptions
 
     def __init__(self, options: GaiaSetOptions) -> None:
@@ -104,9 +103,7 @@ class NeuralGaiaSet(Denoiser):
             name: np.asarray(value, dtype=np.float64)
             for name, value in zip(_OUTPUTS, values, strict=True)
         }
-        zones: Sequence[ZonePosterior | None] = [None] * len(episodes)
-        if episodes[0].n_steps <= _LONGEST_LOCATED:
-            zones = self._zones(episodes, output, frame)
+        zones = self._zones(episodes, output, frame)
         results = []
         for b, (episode, zone) in enumerate(zip(episodes, zones, strict=True)):
             unsolved = np.count_nonzero(episode.valid, axis=0) < _LEAST_RANGES
@@ -131,7 +128,8 @@ class NeuralGaiaSet(Denoiser):
         n_episodes, n_anchors = place.shape[:2]
         flat = (n_episodes, 2 * n_anchors, 2)
         place_m = frame.leave(place.reshape(flat)).reshape(place.shape)
-        covariance_m2 = self.description.ellipse_scale * _inverse(output["information"])
+        scale = self.description.variance_scale(episodes[0].n_steps)
+        covariance_m2 = scale * _inverse(output["information"])
         turned_m2 = frame.turn_covariance(covariance_m2.reshape(*flat, 2))
         scene, own = _probability(output["scene_logit"]), _probability(output["side_logit"])
         return [
