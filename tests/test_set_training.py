@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ import torch
 
 from gaia_uwb.checkpoint import CARD, DESCRIPTION, ONNX, WEIGHTS, read_set_description
 from gaia_uwb.errors import ConfigError
+from gaia_uwb.model import SetModelDescription
 from gaia_uwb.set_training import CURVES, LOG, STATE
 from tiny_models import train_tiny_set
 
@@ -59,6 +61,13 @@ def test_variances_grow_in_proportion_between_the_lengths_they_were_calibrated_a
     assert [found.variance_scale(n) for n in lengths] == pytest.approx(expected)
 
 
+@pytest.mark.parametrize("scales", [(), ((64, 0.0),), ((0, 1.0),), ((256, 1.0), (64, 2.0))])
+def test_scales_that_are_none_are_refused(tmp_path: Path, scales: tuple[Any, ...]) -> None:
+    content = train_tiny_set(tmp_path).model_dump(by_alias=True) | {"variance_scales": scales}
+    with pytest.raises(ValueError, match="variance_scales"):
+        SetModelDescription.model_validate(content)
+
+
 def test_an_interrupted_training_ends_as_one_that_was_not(tmp_path: Path) -> None:
     train_tiny_set(tmp_path / "whole", portions=3)
     for n in (1, 1):
@@ -78,6 +87,7 @@ import sys, time, torch
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 torch.set_num_threads({torch.get_num_threads()})
 from pathlib import Path
+from typing import Any
 from tiny_models import train_tiny_set
 def slowly(portions, done):
     for portion in portions:

@@ -16,7 +16,7 @@ from gaia_uwb.sides import Decision
 from gaia_uwb.zone_posterior import ZonePosterior
 from gaia_uwb.zone_sides import decide_zone, widened
 
-RANGES = np.full(20, 50)
+RANGES = np.full(40, 50)
 
 
 def zone(scene: float, left: np.ndarray, located: np.ndarray | None = None) -> ZonePosterior:
@@ -130,6 +130,7 @@ def test_anchors_without_enough_ranges_are_not_located() -> None:
     statuses = [fix.status for fix in decision.anchors]
     assert statuses[1:] == [AnchorStatus.TOO_FEW_RANGES] * 2
     assert np.isnan(decision.anchors[1].position_m).all()
+    assert np.isnan(decision.anchors[1].covariance_m2).all()
     assert decision.combinations.located.tolist() == [0]
 
 
@@ -252,3 +253,21 @@ def test_places_are_as_unsure_as_the_clock_and_never_surer_than_the_floor() -> N
     np.testing.assert_allclose(more, np.broadcast_to(expected, (2, 2, 2, 2)), atol=1e-12)
     alone = widened(one, replace(episode, clock=None), SolverConfig(position_floor_m=0.0))
     np.testing.assert_array_equal(alone.covariance_m2, one.covariance_m2)
+
+
+@pytest.mark.parametrize("n", [3, 12, 30])
+def test_a_statement_about_one_anchor_leaves_the_others_as_open_as_they_were(n: int) -> None:
+    alone = np.full((2, n), 0.7)  # each anchor for itself
+    survey = {"anchor_id": "c0", "east_m": 0.0, "north_m": 5.0, "sigma_m": 0.05}
+    plain, told = decide(zone(0.5, alone)), decide(zone(0.5, alone), known_anchors=[survey])
+    assert plain.anchors[0].mirror_probability == pytest.approx(0.3)
+    assert told.anchors[0].mirror_probability < 0.01
+    for fix in told.anchors[1:]:
+        assert fix.mirror_probability == pytest.approx(0.3, abs=0.02)
+        assert fix.status is AnchorStatus.AMBIGUOUS
+
+
+def test_a_spacing_does_not_tell_what_moves_all_anchors_alike() -> None:
+    one = replace(zone(0.999, both(6, 0.999)), covariance_m2=np.tile(4.0 * np.eye(2), (6, 2, 1, 1)))
+    decision = decide(one, spacing_m=10.0, spacing_sigma_m=0.05)
+    assert all(2.0 < fix.covariance_m2[0, 0] < 4.0 for fix in decision.anchors)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 
 from gaia_uwb.config import Settings
 from gaia_uwb.episode import Episode
@@ -294,7 +294,9 @@ class SetModelDescription(Settings):
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
     network: GaiaSetOptions
-    variance_scales: tuple[tuple[int, float], ...] = Field(min_length=1, strict=False)
+    variance_scales: tuple[tuple[PositiveInt, PositiveFloat], ...] = Field(
+        min_length=1, strict=False
+    )
     """Numbers of steps, and what variances of places are multiplied by in scenes as long as that,
     so that on validation scenes 90 % of the 90 % ellipses hold the anchor (split conformal)."""
     data: dict[str, Any]
@@ -307,8 +309,17 @@ class SetModelDescription(Settings):
     sha256: dict[str, str] = Field(default_factory=dict)
     """Checksums of the files beside this one, and of all else in this one."""
 
+    @model_validator(mode="after")
+    def _lengths_grow(self) -> SetModelDescription:
+        steps = [steps for steps, _ in self.variance_scales]
+        if steps != sorted(set(steps)):
+            raise ValueError(f"variance_scales: expected numbers of steps that grow, got {steps}")
+        return self
+
     def variance_scale(self, n_steps: int) -> float:
-        """Return what variances of places are multiplied by; between known lengths, in proportion.
+        """Return what variances of places are multiplied by.
+
+        Between known lengths in proportion; shorter and longer ones are scaled like the nearest.
 
         Parameters
         ----------

@@ -19,6 +19,7 @@ from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.locate import Hypotheses
+from gaia_uwb.side_search import SHARED_ERRORS
 from gaia_uwb.sides import Combinations, Decision, kept_combinations
 from gaia_uwb.zone_posterior import ZonePosterior
 
@@ -67,7 +68,7 @@ def decide_zone(
         if n in row:
             fix = _fix(anchor_id, choice, row[n], n, int(n_ranges[n]), config, solver)
         else:
-            fix = _nowhere(anchor_id, zone.covariance_m2[n], int(n_ranges[n]))
+            fix = _nowhere(anchor_id, int(n_ranges[n]))
         anchors.append(fix)
     return Decision(tuple(anchors), choice.combinations, choice.hypotheses, choice.reasons)
 
@@ -114,7 +115,7 @@ class _Choice:
         right = np.clip(1.0 - zone.left_probability[:, located], _LEAST, 1.0 - _LEAST)
         side = np.concatenate([_candidates(right), _what_may_be_said(right)])
         side = np.unique(side, axis=0)
-        log_weight = _log_weight(zone.scene_probability, right, side)
+        log_weight = said_nothing = _log_weight(zone.scene_probability, right, side)
         said = facts.statements(hypotheses, located, side)
         against = [statement.contradiction(_weight(log_weight)) for statement in said]
         reasons = tuple(reason for reason in against if reason is not None)
@@ -127,14 +128,24 @@ class _Choice:
         weight = _weight(log_weight)
         combinations = _kept(side, weight, located)
         best = combinations.side[0]
-        mirror = (weight[:, None] * (side != best)).sum(axis=0) / weight.sum()
+        marginal = zone.scene_probability @ right
+        alone = np.where(best == 1, 1.0 - marginal, marginal)
+        log_odds = _log_odds(alone) + _other_side(side, weight, best)
+        log_odds -= _other_side(side, _weight(said_nothing), best)
         place_m = surveyed.position_m[located, best]
         covariance_m2 = surveyed.covariance_m2[located, best]
-        if holds is not None:
-            place_m, covariance_m2 = holds.with_spacing(place_m, covariance_m2)
+        if holds is not None:  # a spacing says nothing of what moves neighbours alike
+            common_m2 = SHARED_ERRORS * covariance_m2
+            place_m, own_m2 = holds.with_spacing(place_m, covariance_m2 - common_m2)
+            covariance_m2 = own_m2 + common_m2
         reasons += facts.exceptions(place_m, covariance_m2, ids, reasons)
         return cls(
-            surveyed, combinations, place_m, covariance_m2, np.clip(mirror, 0.0, 1.0), reasons
+            surveyed,
+            combinations,
+            place_m,
+            covariance_m2,
+            1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0))),
+            reasons,
         )
 
 
@@ -168,17 +179,17 @@ def _fix(
     )
 
 
-def _nowhere(anchor_id: str, covariance_m2: Float64[Array, "2 2 2"], n_ranges: int) -> AnchorFix:
+def _nowhere(anchor_id: str, n_ranges: int) -> AnchorFix:
     """Return the result of an anchor with too few ranges."""
     return AnchorFix(
         anchor_id=anchor_id,
         position_m=np.full(2, np.nan),
-        covariance_m2=covariance_m2[0],
+        covariance_m2=np.full((2, 2), np.nan),
         mirror_position_m=np.full(2, np.nan),
         mirror_probability=0.0,
         status=AnchorStatus.TOO_FEW_RANGES,
         n_ranges=n_ranges,
-        mirror_covariance_m2=covariance_m2[1],
+        mirror_covariance_m2=np.full((2, 2), np.nan),
     )
 
 
@@ -278,6 +289,22 @@ def _likeliest(right: Float64[Array, "M"], count: int) -> list[int]:
             moved = total - costs[last] + costs[last + 1]
             heapq.heappush(heap, (moved, following ^ bits[last], last + 1))
     return found
+
+
+def _log_odds(probability: Float64[Array, "M"]) -> Float64[Array, "M"]:
+    return np.asarray(np.log(probability) - np.log1p(-probability))
+
+
+def _other_side(
+    side: Int64[Array, "K M"], weight: Float64[Array, "K"], best: Int64[Array, "M"]
+) -> Float64[Array, "M"]:
+    """Return each anchor's log odds of not standing where the best combination puts it.
+
+    The combinations are some of all, so these are too small where many sides are open; but by how
+    much a statement changes them is what it changes.
+    """
+    share = (weight[:, None] * (side != best)).sum(axis=0) / weight.sum()
+    return _log_odds(np.clip(share, 1e-12, 1.0 - 1e-12))
 
 
 def _kept(

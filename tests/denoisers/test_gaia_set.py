@@ -98,6 +98,50 @@ def test_what_is_too_long_is_cut_into_windows_without_seams(model: Path) -> None
     assert np.nanmax(np.abs(np.diff(found.range_m[middle] - run.range_m[middle], axis=0))) < 0.5
 
 
+def far_drive(middle_m: float) -> Episode:
+    """Return 2,000 m of road, with four anchors about one of its places."""
+    path = np.stack([np.linspace(-1000.0, 1000.0, 2001), np.zeros(2001)], axis=-1)
+    place = np.array([[-20.0, 4.0], [0.0, 5.0], [15.0, 4.0], [30.0, 6.0]])
+    place[:, 0] += middle_m
+    distance = np.linalg.norm(path[:, None] - place, axis=2)
+    valid = distance < 100.0
+    return Episode(
+        name="far",
+        anchor_ids=("a", "b", "c", "d"),
+        t_s=0.1 * np.arange(2001),
+        position_m=path,
+        range_m=np.where(valid, distance, np.nan),
+        valid=valid,
+    )
+
+
+def test_where_on_a_long_drive_the_zone_is_changes_nothing(model: Path) -> None:
+    end, middle = denoise(model, [far_drive(800.0), far_drive(0.0)])
+    assert end.zone is not None and middle.zone is not None
+    np.testing.assert_allclose(end.zone.place_m - [800.0, 0.0], middle.zone.place_m, atol=0.05)
+    np.testing.assert_array_equal(end.valid, far_drive(800.0).valid)
+
+
+def test_a_zone_that_reaches_too_far_is_left_to_the_solver(model: Path) -> None:
+    near, far = far_drive(-800.0), far_drive(800.0)
+    both = replace(
+        near,
+        anchor_ids=(*near.anchor_ids, *(f"{name}2" for name in far.anchor_ids)),
+        range_m=np.hstack([near.range_m, far.range_m]),
+        valid=np.hstack([near.valid, far.valid]),
+    )
+    (found,) = denoise(model, [both])
+    assert found.zone is None
+    np.testing.assert_array_equal(found.range_m[both.valid], both.range_m[both.valid])
+
+
+def test_a_long_log_without_a_range_is_left_as_it_is(model: Path) -> None:
+    drive = far_drive(0.0)
+    nothing = np.full(drive.range_m.shape, np.nan)
+    (found,) = denoise(model, [replace(drive, range_m=nothing, valid=~np.isnan(nothing))])
+    assert found.zone is None and not found.valid.any()
+
+
 def test_what_is_too_many_is_cut_into_groups_by_when_they_are_passed(model: Path) -> None:
     run = make_run(4, n_steps=40, n_anchors=_TOGETHER + 30, missing=0.0)
     # First come those that are ranged in the first half only, in any order of columns.

@@ -1,9 +1,10 @@
 """``gaia-set``: the network for work zones that it has never seen, run by ONNX Runtime.
 
 Beside ranges it says where all anchors stand and on which sides, for episodes of up to 4,096 steps,
-which it takes as a whole. What is longer is cut into windows that overlap by half and fade into one
-another; their anchors are located by the solver, which needs no help with so many ranges. More than
-200 anchors are denoised in groups of those that are passed one after another.
+which it takes as a whole, from the first range to the last. What is longer is cut into windows that
+overlap by half and fade into one another; their anchors are located by the solver, which needs no
+help with so many ranges. So are zones that reach farther than 400 m from the middle of the path,
+and more than 200 anchors, which are denoised in groups of those that are passed one after another.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from gaia_uwb._typing import Array, Float64, Int64
+from gaia_uwb._typing import Array, Bool, Float64, Int64
 from gaia_uwb.checkpoint import ONNX, find_model, read_file, read_set_description
 from gaia_uwb.denoisers._base import Denoiser, Options
 from gaia_uwb.denoisers._onnx import start_session
@@ -33,7 +34,8 @@ if TYPE_CHECKING:
 
 _OUTPUTS = ("denoised_range", "log_sigma", "place", "information", "scene_logit", "side_logit")
 _LONGEST = 4096  # steps that are taken as a whole
-_WINDOW = 512  # steps of a window of what is longer
+_WINDOW = 512  # steps of a window of what is longer; what is shorter is not cut at all
+_FARTHEST_M = 400.0  # from the middle of the path to where an anchor is passed
 _TOGETHER = 200  # anchors that see each other
 _READINGS = 1 << 17  # (episodes x anchors x steps) that the network takes at a time
 _LEAST_STEPS = 3  # fewer have no path
@@ -79,8 +81,12 @@ class NeuralGaiaSet(Denoiser):
         found: dict[int, DenoisedRanges] = {}
         groups: dict[tuple[int, int], list[int]] = {}
         for k, episode in enumerate(episodes):
-            if episode.n_steps < _LEAST_STEPS:
+            heard = _heard(episode)
+            if heard.stop - heard.start < _LEAST_STEPS:
                 found[k] = _as_measured(episode)
+            elif heard.stop - heard.start < episode.n_steps:
+                (cut,) = self([episode.window(heard.start, heard.stop)])
+                found[k] = _padded(cut, heard, episode)
             elif episode.n_anchors > _TOGETHER:
                 found[k] = self._in_groups(episode)
             elif episode.n_steps > _LONGEST:
@@ -104,9 +110,10 @@ class NeuralGaiaSet(Denoiser):
             for name, value in zip(_OUTPUTS, values, strict=True)
         }
         zones = self._zones(episodes, output, frame)
+        far = _far(inputs)
         results = []
         for b, (episode, zone) in enumerate(zip(episodes, zones, strict=True)):
-            unsolved = np.count_nonzero(episode.valid, axis=0) < _LEAST_RANGES
+            unsolved = far[b] | (np.count_nonzero(episode.valid, axis=0) < _LEAST_RANGES)
             range_m = np.maximum(output["denoised_range"][b].T, 0.0)
             range_m = np.where(unsolved, episode.range_m, range_m)
             sigma_m = np.exp(output["log_sigma"][b].T)
@@ -115,7 +122,7 @@ class NeuralGaiaSet(Denoiser):
                     range_m=np.where(episode.valid, range_m, np.nan),
                     sigma_m=np.where(episode.valid, sigma_m, np.nan),
                     valid=episode.valid,
-                    zone=zone,
+                    zone=None if far[b].any() else zone,
                 )
             )
         return results
@@ -168,6 +175,29 @@ class NeuralGaiaSet(Denoiser):
             sigma_m=whole([window.sigma_m for window in windows]),
             valid=episode.valid,
         )
+
+
+def _heard(episode: Episode) -> slice:
+    """Return the steps from the first range to the last, of long episodes; else all steps."""
+    steps = np.flatnonzero(episode.valid.any(axis=1))
+    if episode.n_steps <= _WINDOW:
+        return slice(0, episode.n_steps)
+    return slice(int(steps[0]), int(steps[-1]) + 1) if len(steps) else slice(0, 0)
+
+
+def _padded(part: DenoisedRanges, heard: slice, episode: Episode) -> DenoisedRanges:
+    """Return what was made of the steps between the first and the last range, for all steps."""
+    range_m, sigma_m = np.full((2, *episode.valid.shape), np.nan)
+    range_m[heard], sigma_m[heard] = part.range_m, part.sigma_m
+    return replace(part, range_m=range_m, sigma_m=sigma_m, valid=episode.valid)
+
+
+def _far(inputs: ZoneInputs) -> Bool[Array, "B N"]:
+    """Return which anchors are passed farther from the path's middle than its frame reaches."""
+    nearest = np.where(inputs.mask > 0, inputs.range, np.inf).argmin(axis=2)  # (B, N)
+    passed_m = np.take_along_axis(inputs.position, nearest[..., None], axis=1)  # (B, N, 2)
+    heard = inputs.mask.any(axis=2)
+    return np.asarray(heard & (np.abs(passed_m).max(axis=2) > _FARTHEST_M))
 
 
 def _of_some_anchors(episode: Episode, rows: Int64[Array, "K"]) -> Episode:
