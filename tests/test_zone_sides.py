@@ -263,7 +263,7 @@ def test_a_statement_about_one_anchor_leaves_the_others_as_open_as_they_were(n: 
     assert plain.anchors[0].mirror_probability == pytest.approx(0.3)
     assert told.anchors[0].mirror_probability < 0.01
     for fix in told.anchors[1:]:
-        assert fix.mirror_probability == pytest.approx(0.3, abs=0.02)
+        assert fix.mirror_probability == pytest.approx(0.3, abs=0.04)
         assert fix.status is AnchorStatus.AMBIGUOUS
 
 

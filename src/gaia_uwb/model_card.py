@@ -83,7 +83,10 @@ _SET_LIMITS = """\
 - A group of anchors that looks like none of its training is located by its ranges, with what it
   has learned of work zones pulling the wrong way; the ranges win in the end, but not in 6 seconds.
 - 1 to 200 anchors, any place, direction and order; paths of 0.5 to 35 m/s, 5 to 20 readings a
-  second, ranges up to 300 m. Scenes longer than it was trained on are cut into windows.
+  second, ranges up to 300 m. No scene of the training is longer than 256 steps; scenes of up to
+  4,096 steps are located as a whole, of longer ones the ranges are denoised in windows.
+- Anchors that are passed more than 400 m from the middle of the path are left to the solver.
+- An antenna delay of one anchor alone goes into its place: it is not estimated.
 """
 
 
