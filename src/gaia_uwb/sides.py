@@ -32,7 +32,8 @@ Known: TypeAlias = Callable[[Int64[Array, "_ _"]], Float64[Array, "_"]]
 
 _ENUMERATE = 8  # undecided anchors of which all combinations are compared
 _DECIDED = 12.0  # log odds beyond which the ranges alone decide
-_KEPT = 32  # combinations that a decision keeps
+KEPT = 32
+"""Combinations that a decision keeps."""
 _KEPT_EVIDENCE = 0.999  # or as few as hold this share of the evidence
 
 
@@ -204,7 +205,7 @@ def _independent(mirror: Float64[Array, "M"], located: Int64[Array, "M"]) -> Com
         side = all_combinations(len(located), open_sides)
         weight = np.where(side > 0, mirror, 1.0 - mirror).prod(axis=1)
         return kept_combinations(side, weight, located, joint=False)
-    drawn = np.random.default_rng(0).random((4 * _KEPT, len(located))) < mirror
+    drawn = np.random.default_rng(0).random((KEPT, len(located))) < mirror  # all of them are kept
     side, count = np.unique(drawn.astype(np.int64), axis=0, return_counts=True)
     return kept_combinations(side, count.astype(np.float64), located, joint=False)
 
@@ -231,7 +232,7 @@ def kept_combinations(
     """
     order = np.argsort(-weight, kind="stable")
     share = np.cumsum(weight[order]) / weight.sum()
-    order = order[: min(_KEPT, int(np.searchsorted(share, _KEPT_EVIDENCE)) + 1)]
+    order = order[: min(KEPT, int(np.searchsorted(share, _KEPT_EVIDENCE)) + 1)]
     return Combinations(located, side[order], weight[order] / weight[order].sum(), joint)
 
 

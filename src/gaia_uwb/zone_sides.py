@@ -20,10 +20,11 @@ from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.side_search import SHARED_ERRORS
-from gaia_uwb.sides import Combinations, Decision, kept_combinations
+from gaia_uwb.sides import KEPT, Combinations, Decision, kept_combinations
 from gaia_uwb.zone_posterior import ZonePosterior
 
 _LOOKED_AT = 128  # likeliest combinations under each hypothesis
+_ENOUGH = 0.9  # probability of the combinations that are kept, else they are drawn
 _HOPELESS = 20.0  # log odds against a combination, beyond which it is not looked at
 _ONE_PLACE_M = 0.5  # two places nearer to each other than a cone is wide are one
 _LEAST = 1e-4  # probability of a side, where something else is known: no network is surer than that
@@ -79,6 +80,7 @@ class _Choice:
 
     hypotheses: Hypotheses
     combinations: Combinations
+    side: Int64[Array, "M"]
     place_m: Float64[Array, "M 2"]
     covariance_m2: Float64[Array, "M 2 2"]
     mirror_probability: Float64[Array, "M"]
@@ -89,14 +91,19 @@ class _Choice:
         """Choose by what the denoiser says alone."""
         right = 1.0 - zone.left_probability[:, located]  # (2, M)
         side = _candidates(right)
-        weight = _weight(_log_weight(zone.scene_probability, right, side))
-        combinations = _kept(side, weight, located)
-        best = combinations.side[0]
+        log_weight = _log_weight(zone.scene_probability, right, side)
+        best = side[int(np.argmax(log_weight))]
+        if np.exp(np.sort(log_weight)[-KEPT:]).sum() > _ENOUGH:
+            combinations = _kept(side, _weight(log_weight), located)
+        else:
+            drawn = _drawn(zone.scene_probability, right)
+            combinations = _kept(drawn, np.ones(len(drawn)), located)
         marginal = zone.scene_probability @ right
         mirror = np.where(best == 1, 1.0 - marginal, marginal)
         return cls(
             hypotheses,
             combinations,
+            best,
             hypotheses.position_m[located, best],
             hypotheses.covariance_m2[located, best],
             np.clip(mirror, 0.0, 1.0),
@@ -142,6 +149,7 @@ class _Choice:
         return cls(
             surveyed,
             combinations,
+            best,
             place_m,
             covariance_m2,
             1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0))),
@@ -161,7 +169,7 @@ def _fix(
     """Put the result of the located anchor of a row together."""
     covariance_m2 = choice.covariance_m2[row]
     mirror = float(choice.mirror_probability[row])
-    other = 1 - int(choice.combinations.side[0, row])
+    other = 1 - int(choice.side[row])
     status = AnchorStatus.OK
     if np.linalg.eigvalsh(covariance_m2)[1] > solver.ill_conditioned_above_m**2:
         status = AnchorStatus.ILL_CONDITIONED
@@ -311,6 +319,13 @@ def _kept(
     side: Int64[Array, "K M"], weight: Float64[Array, "K"], located: Int64[Array, "M"]
 ) -> Combinations:
     return replace(kept_combinations(side, weight, located, joint=False), learned=True)
+
+
+def _drawn(scene: Float64[Array, "2"], right: Float64[Array, "2 M"]) -> Int64[Array, "K M"]:
+    """Draw as many combinations as are kept: where many sides are open, no list holds them."""
+    rng = np.random.default_rng(0)
+    given = (rng.random(KEPT) >= scene[0]).astype(np.int64)
+    return np.asarray(rng.random((KEPT, right.shape[1])) < right[given], dtype=np.int64)
 
 
 def _what_may_be_said(right: Float64[Array, "2 M"]) -> Int64[Array, "K M"]:
