@@ -57,10 +57,10 @@ HEAD = """\
 Written by `python benchmarks/zone_results.py`; not edited by hand. What the model is, what was
 tried and what bounds it: [design-notes.md](design-notes.md). Means over episodes with 95 %
 bootstrap intervals (over runs on real data, eight of them: rather too short). `gaia-set` is trained
-on simulation only; where several seeds are named, its rows are means over them. All rows use the
-robust solver and no labels, unless they say "labels". The *90 % region* of an anchor is its
-ellipse and, where the side is called open (the mirror place keeps more than 10 %), that of the
-mirror place too.
+on simulation only; where several seeds are named, its rows are means over them. All rows are
+without labels, unless they say "labels"; places are `gaia-set`'s own, or the robust solver's. The
+*90 % region* of an anchor is its ellipse and, where the side is called open (the mirror place keeps
+more than 10 %), that of the mirror place too.
 """
 
 
