@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from gaia_uwb import fleet
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.datasets.native import write_native
 from gaia_uwb.errors import InputError, SourceError
@@ -62,6 +63,30 @@ def test_a_log_that_cannot_be_named_is_listed(logs: Path, tmp_path: Path) -> Non
     problems = [failure.problem for failure in result.failures]
     assert problems[0].endswith("cannot be read: File name too long")
     assert "neither a folder" in problems[1]
+
+
+def test_a_slip_in_a_manifest_does_not_walk_a_whole_disk(
+    logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fleet, "_MOST_FILES", 5)
+    many = tmp_path / "many"
+    many.mkdir()
+    for k in range(6):
+        (many / str(k)).touch()
+    (good, *_) = find_zones(logs)
+    result = reconstruct_zone(replace(good, logs=(*good.logs, str(many))), tmp_path / "out", RAW)
+    (failure,) = result.failures
+    assert failure.problem == f"{many}: holds more than 5 files, name the folder of a log"
+    assert reconstruct_zone(good, tmp_path / "good", RAW).n_passes == 2
+
+
+def test_with_the_default_denoiser_too_workers_change_no_byte(logs: Path, tmp_path: Path) -> None:
+    (zone, *_) = find_zones(logs)
+    zones = [replace(zone, logs=zone.logs[:1], name=name) for name in ("one", "two")]
+    for workers in (1, 2):
+        found = reconstruct_fleet(zones, tmp_path / str(workers), PipelineConfig(), workers=workers)
+        assert [result.n_passes for result in found] == [1, 1]
+    assert files_of(tmp_path / "1") == files_of(tmp_path / "2")
 
 
 def test_the_number_of_workers_changes_no_byte(logs: Path, one: Path, tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
+from itertools import islice
 from pathlib import Path
 
 from gaia_uwb._text import shown
@@ -40,6 +41,7 @@ KILLED = "the process that worked on it was killed"
 """What is said of a zone that ends every process that works on it."""
 
 _DONE = "fleet.json"
+_MOST_FILES = 10_000  # in a log's folder
 _MAX_MANIFEST_BYTES = 2**26
 _LONGEST_NAME, _LONGEST_LOG = 200, 4096  # bytes, characters; file systems allow little more
 
@@ -232,7 +234,10 @@ def reconstruct_zone(zone: Zone, folder: Path, config: PipelineConfig) -> ZoneRe
     ZoneResult
         With the logs that were left out.
     """
-    digest = _digest(zone, config)
+    try:
+        digest = _digest(zone, config)
+    except InputError as error:
+        return ZoneResult.failed(zone, str(error))
     try:
         done = json.loads((folder / _DONE).read_text(encoding="utf-8"))
         if done["digest"] == digest:
@@ -289,13 +294,19 @@ def _fused(zone: Zone, folder: Path, config: PipelineConfig) -> ZoneResult:
 
 
 def _digest(zone: Zone, config: PipelineConfig) -> str:
-    """Return what names a zone's logs, with the size and time of each file, and the settings."""
+    """Return what names a zone's logs, with the size and time of each file, and the settings.
+
+    A folder with more files than any log has is none: a manifest's slip must not walk a whole disk.
+    """
     files = []
     for log in zone.logs:
         path = Path(log)
         with suppress(OSError):  # what cannot be looked at cannot be read later either
-            inside = sorted(path.rglob("*")) if path.is_dir() else [path]
-            for each in inside:
+            inside = list(islice(path.rglob("*"), _MOST_FILES + 1)) if path.is_dir() else [path]
+            if len(inside) > _MOST_FILES:
+                problem = f"holds more than {_MOST_FILES:,} files, name the folder of a log"
+                raise InputError(problem, source=log)
+            for each in sorted(inside):
                 if each.is_file():
                     about = each.stat()
                     files.append((str(each), about.st_size, about.st_mtime_ns))
