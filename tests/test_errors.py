@@ -34,3 +34,11 @@ def test_input_error_says_where(place: dict, text: str) -> None:
     assert (error.source, error.row, error.column) == tuple(
         place.get(name) for name in ("source", "row", "column")
     )
+
+
+def test_a_name_of_any_kind_leaves_one_line() -> None:
+    error = errors.InputError("is wrong", source="a\nb\0", column="x" * 10_000, row=3)
+    text = str(error)
+    assert text.startswith("a\\nb\\x00, row 3, column xxx") and text.endswith("xxx: is wrong")
+    assert text.isprintable() and len(text) < 500
+    assert error.column == "x" * 10_000

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+_LONGEST_NAME = 400
+
 
 class GaiaError(Exception):
     """Base of all errors raised by GAIA; its text is one line made for the user."""
@@ -55,9 +57,16 @@ class InputError(GaiaError):
         self.source = source
         self.row = row
         self.column = column
-        place = [] if source is None else [str(source)]
+        place = [] if source is None else [_in_a_line(str(source))]
         if row is not None:
             place.append(f"row {row}")
         if column is not None:
-            place.append(f"column {column}")
+            place.append(f"column {_in_a_line(column)}")
         super().__init__(f"{', '.join(place)}: {problem}" if place else problem)
+
+
+def _in_a_line(name: str) -> str:
+    """Return a name as a message can hold it: printable, and its middle left out if it is long."""
+    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in name)
+    half = _LONGEST_NAME // 2
+    return text if len(text) <= _LONGEST_NAME else f"{text[:half]}...{text[-half:]}"

@@ -121,7 +121,11 @@ def _records(path: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def _lines(path: Path) -> Iterator[str]:
-    with path.open("rb") as file:
+    try:
+        opened = path.open("rb")
+    except ValueError as error:
+        raise InputError(f"is no file's name: {error}", source=path) from error
+    with opened as file:
         for row in count(1):
             line = file.readline(_MAX_LINE_BYTES + 1)
             if not line:

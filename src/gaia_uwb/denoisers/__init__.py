@@ -1,7 +1,7 @@
 """Denoisers: from an Episode to DenoisedRanges. A registry, and one file per method.
 
 Each entry is imported when it is used and declares its options (``Options``, a strict model with
-physical names, units and bounds) and its abilities (``uses_pose``).
+physical names, units and bounds) and its abilities (``uses_pose``, ``locates``).
 
 >>> from gaia_uwb.denoisers import DENOISERS, make_denoiser
 >>> sorted(DENOISERS)
@@ -18,6 +18,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from gaia_uwb._text import shown
 from gaia_uwb.denoisers._base import Denoiser, Options
 from gaia_uwb.errors import ConfigError
 
@@ -49,7 +50,7 @@ def denoiser_class(name: str) -> type[Denoiser]:
         If no denoiser has this name; the message lists those that exist.
     """
     if name not in DENOISERS:
-        raise ConfigError(f"no denoiser is called {name!r}; there are {', '.join(DENOISERS)}")
+        raise ConfigError(f"no denoiser is called {shown(name)}; there are {', '.join(DENOISERS)}")
     module, _, attribute = DENOISERS[name].partition(":")
     found: type[Denoiser] = getattr(import_module(module), attribute)
     return found
