@@ -56,6 +56,26 @@ def shortened(text: str) -> str:
     return text if len(text) <= _LONGEST_TEXT else f"{text[:_LONGEST_TEXT]}..."
 
 
+def in_a_line(text: str, longest: int) -> str:
+    r"""Return text that a line can hold: what is not printable written out, the middle left out.
+
+    Parameters
+    ----------
+    text
+        Any.
+    longest
+        Characters from which on the middle is left out.
+
+    Examples
+    --------
+    >>> in_a_line("a\nb", 10), in_a_line("0123456789", 4)
+    ('a\\nb', '01...89')
+    """
+    line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    half = longest // 2
+    return line if len(line) <= longest else f"{line[:half]}...{line[-half:]}"
+
+
 def in_markdown(text: str) -> str:
     """Return Markdown that shows a text and does nothing else, within a line or a table's cell.
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from gaia_uwb._text import in_a_line
+
 _LONGEST_NAME = 400
 
 
@@ -57,16 +59,9 @@ class InputError(GaiaError):
         self.source = source
         self.row = row
         self.column = column
-        place = [] if source is None else [_in_a_line(str(source))]
+        place = [] if source is None else [in_a_line(str(source), _LONGEST_NAME)]
         if row is not None:
             place.append(f"row {row}")
         if column is not None:
-            place.append(f"column {_in_a_line(column)}")
+            place.append(f"column {in_a_line(column, _LONGEST_NAME)}")
         super().__init__(f"{', '.join(place)}: {problem}" if place else problem)
-
-
-def _in_a_line(name: str) -> str:
-    """Return a name as a message can hold it: printable, and its middle left out if it is long."""
-    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in name)
-    half = _LONGEST_NAME // 2
-    return text if len(text) <= _LONGEST_NAME else f"{text[:half]}...{text[-half:]}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from gaia_uwb.datasets._bag_files import MAX_FILE_BYTES, Bag, Message, open_bag
@@ -27,9 +28,10 @@ def open_log(path: Path) -> tuple[list[Bag], bool]:
     InputError
         If a file is missing, empty or of another kind, or the folder's description is wrong.
     """
-    paths, packed = [path], False
-    if path.is_dir():
-        paths, packed = _storage_files(path)
+    is_folder = False
+    with suppress(OSError):  # of what cannot be looked at, check_file says why
+        is_folder = path.is_dir()
+    paths, packed = _storage_files(path) if is_folder else ([path], False)
     for each in paths:
         check_file(each, MAX_FILE_BYTES)
     return [open_bag(each) for each in paths], packed

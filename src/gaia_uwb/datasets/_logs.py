@@ -245,7 +245,9 @@ def check_file(path: Path, most_bytes: int) -> None:
             problem = "is no file" if path.exists() else "no such file"
             raise InputError(problem, source=path)
         size = path.stat().st_size
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=path) from error
+    except ValueError as error:
         raise InputError(f"cannot be read: {error}", source=path) from error
     if not size:
         raise InputError("is empty", source=path)

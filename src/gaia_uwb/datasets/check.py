@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from gaia_uwb._text import in_a_line
 from gaia_uwb._typing import Array, Bool, Float64
 from gaia_uwb.datasets.observability import Observability, observe
 from gaia_uwb.datasets.outdoor_static import StaticFile, load_static
@@ -153,7 +154,7 @@ class CheckReport:
         lines += [f"  PROBLEM: {problem}" for problem in self.problems]
         if not self.problems:
             lines.append("  no problems found")
-        return [line.replace("\n", "\\n") for line in lines]  # a name may hold anything
+        return [in_a_line(line, _LONGEST_LINE) for line in lines]  # a name may hold anything
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as plain values; a number that is not finite is None."""
@@ -172,6 +173,7 @@ def _finite(value: Any) -> Any:
     return value
 
 
+_LONGEST_LINE = 1500
 _HEADING = (
     "  anchor        readings     Hz   gaps  longest   usable  outside  negative   spikes  repeats"
     "   RSSI"
