@@ -174,6 +174,27 @@ class KnownFacts:
                 found.append(self._statement(words, index, ratio))
         return found
 
+    def borne_out(
+        self,
+        hypotheses: Hypotheses,
+        located: Int64[Array, "M"],
+        side: Int64[Array, "K M"],
+        weight: Float64[Array, "K"],
+    ) -> tuple[KnownFacts | None, tuple[str, ...]]:
+        """Return the facts that the ranges do not speak against, and what they say of the others.
+
+        Parameters
+        ----------
+        hypotheses, located, side
+            As in :meth:`statements`.
+        weight : (K,)
+            The combinations' probabilities without the facts.
+        """
+        said = self.statements(hypotheses, located, side)
+        against = [statement.contradiction(weight) for statement in said]
+        holds = self.only([reason is None for reason in against], said)
+        return holds, tuple(reason for reason in against if reason is not None)
+
     def only(self, holds: Sequence[bool], said: Sequence[Statement]) -> KnownFacts | None:
         """Return the facts without the statements that do not hold; None if none does.
 

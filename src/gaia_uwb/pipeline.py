@@ -333,7 +333,7 @@ def _decide(
     for k, (episode, ranges) in enumerate(zip(episodes, denoised, strict=True)):
         if ranges.zone is not None and ours:
             facts = KnownFacts.of(config.prior, episode)
-            n_ranges = np.count_nonzero(ranges.valid & np.isfinite(ranges.range_m), axis=0)
+            n_ranges = np.count_nonzero(ranges.valid, axis=0)
             zone = widened(ranges.zone, episode, config.solver)
             decisions[k] = decide_zone(
                 episode.anchor_ids, zone, n_ranges, config.sides, config.solver, facts

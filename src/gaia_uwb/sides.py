@@ -298,10 +298,7 @@ def _with_facts(
 ) -> tuple[_Comparison, Hypotheses, tuple[str, ...]]:
     """Compare combinations with what is known, as far as the ranges do not speak against it."""
     alone = _jointly(hypotheses, located)
-    said = facts.statements(hypotheses, located, alone.side)
-    against = [statement.contradiction(alone.weight) for statement in said]
-    reasons = tuple(reason for reason in against if reason is not None)
-    holds = facts.only([reason is None for reason in against], said)
+    holds, reasons = facts.borne_out(hypotheses, located, alone.side, alone.weight)
     if holds is None:
         return alone, hypotheses, reasons
     surveyed = holds.with_surveys(hypotheses)

@@ -123,10 +123,7 @@ class _Choice:
         side = np.concatenate([_candidates(right), _what_may_be_said(right)])
         side = np.unique(side, axis=0)
         log_weight = said_nothing = _log_weight(zone.scene_probability, right, side)
-        said = facts.statements(hypotheses, located, side)
-        against = [statement.contradiction(_weight(log_weight)) for statement in said]
-        reasons = tuple(reason for reason in against if reason is not None)
-        holds = facts.only([reason is None for reason in against], said)
+        holds, reasons = facts.borne_out(hypotheses, located, side, _weight(log_weight))
         surveyed = hypotheses
         if holds is not None:
             surveyed = holds.with_surveys(hypotheses)

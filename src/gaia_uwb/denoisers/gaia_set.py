@@ -179,9 +179,9 @@ class NeuralGaiaSet(Denoiser):
 
 def _heard(episode: Episode) -> slice:
     """Return the steps from the first range to the last, of long episodes; else all steps."""
-    steps = np.flatnonzero(episode.valid.any(axis=1))
     if episode.n_steps <= _WINDOW:
         return slice(0, episode.n_steps)
+    steps = np.flatnonzero(episode.valid.any(axis=1))
     return slice(int(steps[0]), int(steps[-1]) + 1) if len(steps) else slice(0, 0)
 
 
