@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gaia_uwb._text import shown
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.datasets._table import Table
 from gaia_uwb.errors import InputError
@@ -143,7 +144,7 @@ def check_unique_readings(ranges: Table) -> None:
     if twice.any():
         index = int(order[1:][twice].min())
         anchor_id = ranges.labels["anchor_id"][anchor[index]]
-        problem = f"anchor {anchor_id!r} has two readings at {t_s[index]:.6f} s"
+        problem = f"anchor {shown(anchor_id)} has two readings at {t_s[index]:.6f} s"
         raise ranges.error(problem, index=index, column="t_s")
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from gaia_uwb._text import shown
 from gaia_uwb._typing import Array, Float64, Int64
 from gaia_uwb.datasets._cells import Kind
 from gaia_uwb.datasets._places import place_kinds, to_places
@@ -44,7 +45,7 @@ def read_anchors(path: Path | None, frame: LocalFrame | None, ranged: tuple[str,
     listed = tuple(labels[code] for code in codes)
     if len(labels) < len(listed):
         index = next(k for k, label in enumerate(listed) if label in listed[:k])
-        raise table.error(f"{listed[index]!r} is here twice", index=index, column="anchor_id")
+        raise table.error(f"{shown(listed[index])} is here twice", index=index, column="anchor_id")
     places = to_places(table, frame)
     ids = listed + tuple(sorted(set(ranged) - set(listed), key=_natural_key))
     more = (0, len(ids) - len(listed))
