@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import hypothesis
@@ -13,6 +14,8 @@ from jaxtyping import install_import_hook
 from browser import Browser, browser, find_chromium
 
 install_import_hook("gaia_uwb", "beartype.beartype")
+
+from gaia_uwb import cli  # noqa: E402  # after the hook
 
 # The same examples in every run, however busy the machine; HYPOTHESIS_PROFILE=search looks further.
 hypothesis.settings.register_profile("default", deadline=None, derandomize=True)
@@ -39,6 +42,23 @@ def outdoor_dir() -> Path:
             "left out: no outdoor UWB data set (set GAIA_DATA_DIR to a folder that holds it)"
         )
     return folder
+
+
+@pytest.fixture
+def run(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., tuple[int, str, str]]:
+    """Run ``gaia`` in this process, quicker than in a new one: exit code, stdout, stderr."""
+
+    def run_here(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["gaia", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        out = capsys.readouterr()
+        code = stop.value.code
+        return (0 if code is None else int(code)), out.out, out.err
+
+    return run_here
 
 
 @pytest.fixture(scope="session")

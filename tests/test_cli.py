@@ -11,10 +11,8 @@ from pathlib import Path
 import pytest
 
 from gaia_uwb import cli
-from gaia_uwb.datasets.episodes import read_episodes
 from gaia_uwb.datasets.native import write_native
-from gaia_uwb.simulate import PRESETS, simulate_episode, simulate_pass
-from gaia_uwb.simulate.presets import load_preset
+from gaia_uwb.simulate import PRESETS, simulate_pass
 from surveyed import make_runs
 
 FILES = (
@@ -32,23 +30,6 @@ FILES = (
 def gaia(*arguments: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "gaia_uwb", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
-def run_here(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *arguments: object
-) -> tuple[int, str, str]:
-    """Run a command in this process (quicker than a new one): exit code, stdout, stderr."""
-    monkeypatch.setattr(sys, "argv", ["gaia", *map(str, arguments)])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    out = capsys.readouterr()
-    code = stop.value.code
-    return (0 if code is None else int(code)), out.out, out.err
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
-    return lambda *arguments: run_here(capsys, monkeypatch, *arguments)
 
 
 @pytest.fixture(scope="module")
@@ -131,38 +112,6 @@ def test_a_folder_of_logs_is_fused_when_asked(run, tmp_path: Path) -> None:  # t
     code, _, err = run("reconstruct", zone, zone / "pass-0", "--out", tmp_path / "twice")
     assert code == 2
     assert "the same drive as sim-3-0-pass-0" in err
-
-
-def test_simulate_and_read_back(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    code, out, _ = run("simulate", "--episodes", 2, "--seed", 5, "--out", tmp_path / "passes")
-    assert code == 0
-    assert "2 passes" in out
-    assert sorted(p.name for p in (tmp_path / "passes").iterdir()) == [
-        "pass-0",
-        "pass-1",
-        "simulation.yaml",
-    ]
-    code, out, _ = run("data", "check", tmp_path / "passes" / "pass-1")
-    assert code == 0
-    assert "cone" in out
-
-
-def test_simulate_episodes_of_a_part(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    out = tmp_path / "episodes"
-    arguments = ("simulate", "--preset", "stress", "--episodes", 3, "--as", "episodes")
-    code, _, err = run(*arguments, "--split", "test", "--out", out)
-    assert (code, err) == (0, "")
-    assert sorted(p.name for p in out.iterdir()) == ["episodes-000000.parquet", "simulation.yaml"]
-    config = load_preset(out / "simulation.yaml")
-    assert config.split == "test"
-    for k, episode in enumerate(read_episodes(out)):
-        expected = simulate_episode(config, 0, episode=k)
-        assert episode.name == expected.name
-        assert (episode.range_m == expected.range_m).all()
-    assert k == 2
-    code, _, err = run(*arguments, "--out", out)
-    assert code == 2
-    assert "already" in err
 
 
 def test_evaluate(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
@@ -318,23 +267,6 @@ def test_unwritable_output_is_told_before_the_work(run, tmp_path: Path) -> None:
     code, _, err = run("reconstruct", "sim", "--out", tmp_path / "file" / "out")
     assert code == 2
     assert "file" in err
-
-
-def test_errors_of_logs_become_a_preset(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    code, out, err = run("simulate", "--calibrate-from", "sim", "--out", tmp_path / "fit")
-    assert (code, err) == (0, "")
-    preset = tmp_path / "fit" / "calibrated.yaml"
-    assert str(preset) in out
-    assert [path.name for path in (tmp_path / "fit").iterdir()] == ["calibrated.yaml"]
-    code, _, err = run("simulate", "--preset", preset, "--out", tmp_path / "pass")
-    assert (code, err) == (0, "")
-
-
-def test_errors_need_a_survey(run, log: Path, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    code, _, err = run("simulate", "--calibrate-from", log, "--out", tmp_path)
-    assert code == 2
-    assert "expected surveyed anchors" in err
-    assert err.count("\n") == 1
 
 
 def test_table5_needs_the_data_set(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]

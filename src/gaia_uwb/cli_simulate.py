@@ -14,8 +14,11 @@ from gaia_uwb.terminal import progress_bar
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from gaia_uwb.files import OutputFolder
     from gaia_uwb.scene import Scene
     from gaia_uwb.simulate.settings import PassConfig
+
+_SETTINGS = "simulation.yaml"
 
 
 class SimulatedAs(StrEnum):
@@ -87,16 +90,20 @@ def simulate(
     if split is not LayoutPart.ALL:
         config = config.model_copy(update={"split": split.value})
     folder = OutputFolder(out)
-    if lanes is not None:
-        episodes = _simulate_zone(config, lanes, seed, out, table_format)
-    elif written_as is SimulatedAs.EPISODES:
-        _simulate_episodes(config, episodes, seed, out, workers)
-    else:
-        _simulate_logs(config, episodes, seed, out, table_format)
     how = f"--episodes {episodes}" if lanes is None else f"--lanes={lanes}"
-    header = f"# gaia {version()} simulate --preset {preset} {how} --seed {seed}\n"
-    folder.write_text("simulation.yaml", header + dump_config(config))
-    typer.echo(f"wrote {episodes} pass{'es' if episodes > 1 else ''} to {out}")
+    header = f"# gaia {version()} simulate --preset {preset} {how} --seed {seed}"
+    if lanes is None and written_as is SimulatedAs.EPISODES:
+        settings = f"{header} --as episodes\n{dump_config(config)}"
+        already = _simulate_episodes(config, episodes, seed, folder, settings, workers)
+    else:
+        already = 0
+        if lanes is not None:
+            episodes = _simulate_zone(config, lanes, seed, out, table_format)
+        else:
+            _simulate_logs(config, episodes, seed, out, table_format)
+        folder.write_text(_SETTINGS, f"{header}\n{dump_config(config)}")
+    note = f"; {already} of them were there" if already else ""
+    typer.echo(f"wrote {episodes} pass{'es' if episodes > 1 else ''} to {out}{note}")
 
 
 def _simulate_logs(
@@ -136,15 +143,35 @@ def _write_logs(scenes: Iterable[Scene], n: int, out: Path, table_format: TableF
             progress.advance(task)
 
 
-def _simulate_episodes(config: PassConfig, n: int, seed: int, out: Path, workers: int) -> None:
-    """Write passes as episodes: one table in parts."""
-    from gaia_uwb.datasets.episodes import write_episodes
+def _simulate_episodes(
+    config: PassConfig, n: int, seed: int, folder: OutputFolder, settings: str, workers: int
+) -> int:
+    """Write passes as episodes, one table in parts, and return how many were there already.
+
+    The settings come first: by them the same command knows its own parts and goes on after them.
+    """
+    from gaia_uwb.datasets.episodes import count_episodes, write_episodes
+    from gaia_uwb.errors import SourceError
     from gaia_uwb.simulate import simulate_episodes
 
+    already = count_episodes(folder.path)
+    if already and _text_in(folder.path / _SETTINGS) != settings:
+        raise SourceError(f"{folder.path}: there are episodes already, and not of this command")
+    folder.write_text(_SETTINGS, settings)
     with progress_bar() as progress:
-        task = progress.add_task("simulate", total=n)
-        for done in write_episodes(simulate_episodes(config, n, seed, workers=workers), out):
-            progress.update(task, completed=done)
+        task = progress.add_task("simulate", total=n, completed=already)
+        made = simulate_episodes(config, n, seed, first=already, workers=workers)
+        for done in write_episodes(made, folder.path, append=True):
+            progress.update(task, completed=already + done)
+    return already
+
+
+def _text_in(path: Path) -> str | None:
+    """Return a file's text; None if there is none that can be read."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
 
 
 def _calibrate(source: str, out: Path, data_dir: Path | None) -> None:

@@ -81,6 +81,17 @@ def test_passes_of_one_shape_are_one_block() -> None:
     assert sorted(k for b in blocks for k in b.numbers) == list(range(40))
 
 
+def test_rates_may_differ_among_passes_of_one_number_of_steps() -> None:
+    config = PassConfig.model_validate({
+        "drive": {"duration_s": 6.4, "position_walk_m": 0.1, "position_outage_per_s": 0.2},
+        "vary": {"drive.rate_hz": [9.95, 10.05]},
+    })  # fmt: skip
+    (block,) = simulate_blocks(config, 3, range(20))
+    assert len(np.unique(block.t_s[:, -1])) == 20
+    alone = (simulate_episode(config, 3, episode=k) for k in range(20))
+    assert digest(block.episodes()) == digest(alone)
+
+
 def test_an_episode_is_read_only_and_shares_no_memory_with_its_block() -> None:
     (block,) = pickle.loads(pickle.dumps(simulate_blocks(PRESETS["stress"], 0, [0, 1])))
     shared = [value for value in vars(block).values() if isinstance(value, np.ndarray)]

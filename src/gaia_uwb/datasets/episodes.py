@@ -60,7 +60,9 @@ _COLUMNS = {
 }
 
 
-def write_episodes(episodes: Iterable[Episode], folder: Path) -> Iterator[int]:
+def write_episodes(
+    episodes: Iterable[Episode], folder: Path, *, append: bool = False
+) -> Iterator[int]:
     """Write simulated episodes into a folder, part by part.
 
     Parameters
@@ -69,33 +71,52 @@ def write_episodes(episodes: Iterable[Episode], folder: Path) -> Iterator[int]:
         Episodes with heights and the truth of everything, as the simulator makes them.
     folder
         Where; made if needed.
+    append
+        Write them after the parts that the folder has.
 
     Yields
     ------
     int
-        After every part, how many episodes are written.
+        After every part, how many of these episodes are written.
 
     Raises
     ------
     InputError
         If an episode lacks heights or part of its truth.
     SourceError
-        If the folder has episodes already.
+        If the folder has episodes already, and they are not appended.
     ConfigError
         If the folder cannot be written.
     """
     import polars as pl
 
     output = OutputFolder(folder)
-    if _parts(folder):
+    parts = _parts(folder)
+    if parts and not append:
         raise SourceError(f"{folder}: there are episodes already")
     done = 0
-    for part, batch in enumerate(_batches(episodes)):
+    for part, batch in enumerate(_batches(episodes), start=len(parts)):
         table = pl.DataFrame(_table(batch), nan_to_null=True)
         write = partial(table.write_parquet, compression_level=_COMPRESSION)
         output.write(f"episodes-{part:06d}.parquet", write)
         done += len(batch)
         yield done
+
+
+def count_episodes(folder: Path) -> int:
+    """Return how many episodes a folder has; none if it is not there.
+
+    Parameters
+    ----------
+    folder
+        Where :func:`write_episodes` wrote, or shall write.
+
+    Raises
+    ------
+    InputError
+        If a part cannot be read.
+    """
+    return sum(map(_count_in_part, _parts(folder)))
 
 
 def read_episodes(folder: Path) -> Iterator[Episode]:
@@ -190,6 +211,10 @@ def _truth_and_heights(episode: Episode) -> tuple[EpisodeTruth, tuple[Array, Arr
 def _end_to_end(grids: Iterable[Array]) -> Array:
     """Return grids of steps and anchors as one column."""
     return np.concatenate([grid.ravel() for grid in grids])
+
+
+def _count_in_part(path: Path) -> int:
+    return len(read_table(path, {"episode": Kind.TEXT}).labels["episode"])
 
 
 def _read_part(path: Path) -> Iterator[Episode]:

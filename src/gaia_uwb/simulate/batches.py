@@ -44,7 +44,7 @@ def simulate(config: PassConfig, n: int, seed: int) -> Iterator[Scene]:
 
 
 def simulate_episodes(
-    config: PassConfig, n: int, seed: int, *, workers: int = 1
+    config: PassConfig, n: int, seed: int, *, first: int = 0, workers: int = 1
 ) -> Iterator[Episode]:
     """Simulate a batch of episodes, one at a time.
 
@@ -56,6 +56,8 @@ def simulate_episodes(
         Number of episodes.
     seed
         Seed of the batch, at least 0.
+    first
+        Number of the first episode, at least 0: those before it are left out.
     workers
         Processes that work on it; the episodes do not depend on it. With more than one, a script
         needs the usual ``if __name__ == "__main__":``.
@@ -63,7 +65,7 @@ def simulate_episodes(
     Yields
     ------
     Episode
-        Episode 0 to n - 1, each what :func:`simulate_episode` makes of it alone.
+        Episode ``first`` to n - 1, each what :func:`simulate_episode` makes of it alone.
 
     Raises
     ------
@@ -76,9 +78,9 @@ def simulate_episodes(
     >>> [episode.n_anchors for episode in simulate_episodes(PRESETS["stress"], 3, seed=0)]
     [9, 11, 10]
     """
-    starts = range(0, n, _CHUNK)
+    starts = range(first, n, _CHUNK)
     made = (simulate_blocks(config, seed, _chunk(start, n)) for start in starts)
-    for blocks in made if workers == 1 else _simulate_elsewhere(config, n, seed, workers):
+    for blocks in made if workers == 1 else _simulate_elsewhere(config, n, seed, starts, workers):
         yield from _in_order(blocks)
 
 
@@ -100,7 +102,7 @@ def _in_order(blocks: list[EpisodeBlock]) -> Iterator[Episode]:
 
 
 def _simulate_elsewhere(
-    config: PassConfig, n: int, seed: int, workers: int
+    config: PassConfig, n: int, seed: int, starts: range, workers: int
 ) -> Iterator[list[EpisodeBlock]]:
     """Return the chunks of episodes, which several processes make in turn.
 
@@ -110,7 +112,6 @@ def _simulate_elsewhere(
     """
     # Processes are started afresh: a fork would copy other libraries' threads half-way.
     context = get_context("spawn")
-    starts = range(0, n, _CHUNK)
     with ExitStack() as stack:
         pipes = []
         for worker in range(workers):

@@ -17,7 +17,7 @@ from gaia_uwb._typing import Array, Bool, Float64
 from gaia_uwb.episode import Episode, EpisodeTruth
 from gaia_uwb.simulate.presets import PLACE
 from gaia_uwb.simulate.ranging import simulate_rows
-from gaia_uwb.simulate.rows import PassRows, at, each
+from gaia_uwb.simulate.rows import PassRows, each
 from gaia_uwb.simulate.settings import PassConfig
 from gaia_uwb.simulate.setup import Setting, draw_zone, lay_out
 from gaia_uwb.simulate.streams import RowStreams, Source, Stream
@@ -136,7 +136,7 @@ def _simulate_block(
 ) -> EpisodeBlock:
     """Simulate episodes of one number of steps."""
     passes, n_passes = setting.passes, len(numbers)
-    drive, ranging = setting.config.drive, setting.config.at(passes).ranging
+    drive, per_anchor = setting.config.drive, setting.config.at(passes)
     clock_offset_s = setting.config.ranging.clock_offset_s
     t_s = np.broadcast_to(np.arange(n_steps) / drive.rate_hz, (n_passes, n_steps))
     tag_m = setting.drive.position_m(t_s)
@@ -145,8 +145,9 @@ def _simulate_block(
     if np.any(clock_offset_s):
         late_m = setting.drive.position_m(t_s - clock_offset_s)
         measured_m, cut = setting.see(late_m[passes])
-    step_s = at(1 / drive.rate_hz, passes)
-    reports = simulate_rows(measured_m, cut, step_s, ranging, RowStreams(streams, setting.anchors))
+    step_s = 1 / per_anchor.drive.rate_hz
+    row_streams = RowStreams(streams, setting.anchors)
+    reports = simulate_rows(measured_m, cut, step_s, per_anchor.ranging, row_streams)
     position_m, known = record_positions(tag_m, drive, streams)
     for k in np.flatnonzero(~known.all(axis=1)):
         for axis in (0, 1):
