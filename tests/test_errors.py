@@ -42,3 +42,13 @@ def test_a_name_of_any_kind_leaves_one_line() -> None:
     assert text.startswith("a\\nb\\x00, row 3, column xxx") and text.endswith("xxx: is wrong")
     assert text.isprintable() and len(text) < 500
     assert error.column == "x" * 10_000
+
+
+@pytest.mark.parametrize("kind", [errors.ConfigError, errors.InputError])
+def test_whatever_a_message_quotes_it_is_one_line(kind: type[errors.GaiaError]) -> None:
+    error = kind("expected a name, got 'a\nb\x1b[2J" + "x" * 100_000 + "' here")
+    text = str(error)
+    assert text.startswith("expected a name, got 'a\\nb\\x1b[2Jxxx")
+    assert text.endswith("xxx' here")
+    assert text.isprintable()
+    assert len(text) < 2000

@@ -7,10 +7,27 @@ from pathlib import Path
 from gaia_uwb._text import in_a_line
 
 _LONGEST_NAME = 400
+_LONGEST_LINE = 1600
 
 
 class GaiaError(Exception):
-    """Base of all errors raised by GAIA; its text is one line made for the user."""
+    r"""Base of all errors raised by GAIA; its text is one line made for the user.
+
+    Parameters
+    ----------
+    text
+        What is wrong and where. What is not printable is written out, and where there is too much
+        for a line, the middle is left out: what it quotes may come from a damaged file.
+
+    Examples
+    --------
+    >>> from gaia_uwb.errors import ConfigError
+    >>> print(ConfigError("unknown setting 'a\nb'"), len(str(ConfigError("a" * 10_000))))
+    unknown setting 'a\nb' 1603
+    """
+
+    def __init__(self, text: str) -> None:
+        super().__init__(in_a_line(text, _LONGEST_LINE))
 
 
 class ConfigError(GaiaError):
