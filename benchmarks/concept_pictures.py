@@ -31,6 +31,8 @@ BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 GREY, INK = "#9A9A9A", "#222222"
 CONE_M = np.array([0.0, 7.0])
 BIASES_M = np.linspace(-0.4, 0.4, 9)
+N_PASSES = 10
+CHI_SQUARE_90 = 4.605  # two degrees of freedom
 STRAIGHT_STEADY = PRESETS["straight"].model_copy(
     update={"drive": PRESETS["straight"].drive.model_copy(update={"speed_variation": 0.0})}
 )
@@ -229,10 +231,13 @@ def draw_range_bias() -> Figure:
         (True, BLUE, "-s", "there and back, on both carriageways"),
     ):
         found = [mean_error_m(biased_pass(float(bias_m), back=back)) for bias_m in BIASES_M]
-        error_m, bias_error_m = np.array(found).T
+        error_m, bias_error_m, inside, semi_axis_m = np.array(found).T
         right.plot(100 * BIASES_M, 100 * error_m, style, color=colour, lw=2, label=label)
         print(f"{label}: cones off by {100 * error_m.min():.0f} to {100 * error_m.max():.0f} cm on "
               f"average, bias found to {100 * bias_error_m.max():.0f} cm or better")  # fmt: skip
+        for k in (1, 4):
+            print(f"  {100 * BIASES_M[k]:.0f} cm: 90 % ellipses of {semi_axis_m[k]:.1f} m hold "
+                  f"{100 * inside[k]:.0f} %")  # fmt: skip
     right.set(xlabel="bias of all ranges (cm)", ylabel="mean error of the cones (cm)",
               ylim=(0, None), title="simulated lane closures, bias found from the log")  # fmt: skip
     right.legend(fontsize=9)
@@ -251,10 +256,13 @@ def biased_pass(bias_m: float, *, back: bool) -> PassConfig:
     )
 
 
-def mean_error_m(config: PassConfig) -> tuple[float, float]:
-    """Return the mean error of the cones, each on its better side, and of the bias at 10 m."""
-    errors, bias_errors = [], []
-    for seed in (0, 1, 2):
+def mean_error_m(config: PassConfig) -> tuple[float, ...]:
+    """Return the mean error of the cones, each on its better side, and of the bias at 10 m.
+
+    Then what the cones' ellipses say: the share that they hold, and their median longer semi-axis.
+    """
+    errors, bias_errors, inside, semi_axes_m = [], [], [], []
+    for seed in range(N_PASSES):
         scene = simulate_pass(config, seed)
         assert scene.truth is not None
         result = reconstruct(scene)
@@ -262,9 +270,15 @@ def mean_error_m(config: PassConfig) -> tuple[float, float]:
         # What lost lines of sight add on average counts as bias for a cone, so near it is enough.
         bias_errors.append(abs(result.episode.calibration.bias[0] - config.ranging.bias_m))
         for anchor, true_m in zip(result.anchors, scene.truth.anchor_m, strict=True):
-            places_m = np.stack([anchor.position_m, anchor.mirror_position_m])
-            errors.append(float(np.nanmin(np.linalg.norm(places_m - true_m, axis=1))))
-    return float(np.mean(errors)), float(np.mean(bias_errors))
+            off_m = np.stack([anchor.position_m, anchor.mirror_position_m]) - true_m
+            better = int(np.nanargmin(np.linalg.norm(off_m, axis=1)))
+            covariance_m2 = (anchor.covariance_m2, anchor.mirror_covariance_m2)[better]
+            errors.append(float(np.linalg.norm(off_m[better])))
+            distance = off_m[better] @ np.linalg.solve(covariance_m2, off_m[better])
+            inside.append(float(distance < CHI_SQUARE_90))
+            semi_axes_m.append(anchor.semi_axes_90_m[0])
+    means = (float(np.mean(values)) for values in (errors, bias_errors, inside))
+    return *means, float(np.median(semi_axes_m))
 
 
 def print_effects() -> None:
