@@ -20,7 +20,7 @@ import torch
 from gaia_uwb.checkpoint import CARD, DESCRIPTION, ONNX, WEIGHTS, read_set_description
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.model import SetModelDescription
-from gaia_uwb.set_training import CURVES, LOG, STATE
+from gaia_uwb.training_files import CURVES, LOG, STATE
 from tiny_models import train_tiny_set
 
 

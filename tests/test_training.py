@@ -23,7 +23,8 @@ from gaia_uwb.features import make_features
 from gaia_uwb.learning_sets import LearningSets
 from gaia_uwb.model import GaiaOptions, MlpOptions, TrainingOptions
 from gaia_uwb.networks import make_network
-from gaia_uwb.training import BASE, CURVES, LOG, STATE
+from gaia_uwb.training import BASE
+from gaia_uwb.training_files import CURVES, LOG, STATE
 from tiny_models import NETWORKS, SIZES, make_run, make_sets, train_tiny
 
 GAIA = NETWORKS["gaia"]

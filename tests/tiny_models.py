@@ -86,8 +86,8 @@ def train_tiny(
     more = {} if progress is None else {"progress": progress}
     with ExitStack() as stack:
         if not curves:
-            stack.enter_context(patch("gaia_uwb.training.plot_losses"))
-            stack.enter_context(patch("gaia_uwb.training.figure_png", return_value=b""))
+            stack.enter_context(patch("gaia_uwb.training_files.plot_losses"))
+            stack.enter_context(patch("gaia_uwb.training_files.figure_png", return_value=b""))
         return train(task, OutputFolder(folder), base=base, **more)
 
 
@@ -107,6 +107,6 @@ def train_tiny_set(
     watch = {} if progress is None else {"progress": progress}
     with ExitStack() as stack:
         if not curves:
-            stack.enter_context(patch("gaia_uwb.set_training.plot_losses"))
-            stack.enter_context(patch("gaia_uwb.set_training.figure_png", return_value=b""))
+            stack.enter_context(patch("gaia_uwb.training_files.plot_losses"))
+            stack.enter_context(patch("gaia_uwb.training_files.figure_png", return_value=b""))
         return train_set(task, OutputFolder(folder), **watch)

@@ -7,7 +7,6 @@ as one that was not, on the same machine and number of threads.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -18,12 +17,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from gaia_uwb.checkpoint import CARD, DESCRIPTION, ONNX, WEIGHTS, pack, seal, unpack
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.files import OutputFolder
-from gaia_uwb.loss_plots import plot_losses
 from gaia_uwb.model import GaiaSetOptions, SetModelDescription, SetTrainingOptions
-from gaia_uwb.model_card import set_model_card
 from gaia_uwb.networks.gaia_set import GaiaSet
 from gaia_uwb.networks.set_export import export_set_onnx
 from gaia_uwb.networks.set_losses import (
@@ -32,14 +28,11 @@ from gaia_uwb.networks.set_losses import (
     wrong_side_share,
     zone_losses,
 )
-from gaia_uwb.plots import figure_png
+from gaia_uwb.training_files import Means, read_state, write_model, write_state
 from gaia_uwb.zone_episodes import MIX, ZoneBatch, training_portion, validation_portion
 
 __all__ = ["SetTask", "train_set"]
 
-STATE = "training-state.safetensors"
-LOG = "training-log.jsonl"
-CURVES = "loss-curves.png"
 LEAST_MATRIX = 16
 """Rows and columns of the smallest weights that Muon takes; smaller ones are heads."""
 
@@ -153,7 +146,7 @@ class _Run:
         """Go through new scenes once, validate, and write the state."""
         batches = training_portion(self.options.seed, number, self.options.portion_episodes)
         self.network.train()
-        sums: dict[str, float] = {}
+        trained = Means()
         for k, batch in enumerate(batches):
             self._set_rate((number + k / len(batches)) / self.options.portions)
             terms = self._losses(batch)
@@ -164,9 +157,7 @@ class _Run:
                 for optimiser in self.optimisers.values():
                     optimiser.step()
             self.steps += 1
-            for name, value in terms.items():
-                sums[name] = sums.get(name, 0.0) + batch.n_episodes * value.item()
-        n = sum(batch.n_episodes for batch in batches)
+            trained.add(terms, batch.n_episodes)
         validated = {kind: self._validate(own) for kind, own in self.validation.items()}
         total = float(np.mean([terms["total"] for terms in validated.values()]))
         if not math.isfinite(total):
@@ -177,7 +168,8 @@ class _Run:
         self.log.append(
             {
                 "epoch": number,
-                "training": {name: value / n for name, value in sums.items()},
+                "steps": self.steps,
+                "training": trained.values(),
                 "validation": {
                     name: float(np.mean([terms[name] for terms in validated.values()]))
                     for name in validated[next(iter(MIX))]
@@ -208,60 +200,28 @@ class _Run:
     def _validate(self, batches: Sequence[ZoneBatch]) -> dict[str, float]:
         """Return every term's mean over validation scenes, and the share of wrong sides."""
         self.network.eval()
-        sums: dict[str, float] = {}
+        means = Means()
         for batch in batches:
             inputs, targets = self._tensors(batch)
             predictions = self.network.predictions(*inputs)
             terms = zone_losses(predictions, inputs[3], targets)
             observed = inputs[3].amax(dim=-1)
             terms["wrong_side_share"] = wrong_side_share(predictions[-1], targets.anchor, observed)
-            for name, value in terms.items():
-                sums[name] = sums.get(name, 0.0) + batch.n_episodes * value.item()
-        n = sum(batch.n_episodes for batch in batches)
-        return {name: value / n for name, value in sums.items()}
+            means.add(terms, batch.n_episodes)
+        return means.values()
 
     def _write_state(self) -> None:
-        """Write the log, and then all that the next portion depends on."""
-        # In this order: whoever is killed in between does the portion again and writes it anew.
-        self.folder.write_text(LOG, "".join(json.dumps(line) + "\n" for line in self.log))
-        tensors = {f"network.{name}": value for name, value in self.network.state_dict().items()}
-        for kind, optimiser in self.optimisers.items():
-            for index, moments in optimiser.state_dict()["state"].items():
-                tensors |= {f"{kind}.{index}.{name}": value for name, value in moments.items()}
-        arrays = {name: value.cpu().numpy() for name, value in tensors.items()}
-        note = json.dumps({"key": self.key, "log": self.log, "steps": self.steps}).encode()
-        arrays["note"] = np.frombuffer(note, dtype=np.uint8)
-        self.folder.write_bytes(STATE, pack(arrays))
+        weights = {"network": self.network.state_dict()}
+        write_state(self.folder, self.key, self.log, weights, self.optimisers)
 
     def resume(self) -> int:
         """Take up the state that an earlier run left, and return how many portions are done."""
-        path = self.folder.path / STATE
-        if not path.is_file():
+        state = read_state(self.folder, self.key)
+        if state is None:
             return 0
-        arrays = unpack(path.read_bytes(), str(path))
-        if "note" not in arrays:
-            raise ConfigError(f"{path}: no state of a training; remove it")
-        note = json.loads(arrays.pop("note").tobytes())
-        if note["key"] != self.key:
-            raise ConfigError(
-                f"{path}: belongs to another training (other sizes or settings); remove it or "
-                "choose another folder"
-            )
-        network: dict[str, Tensor] = {}
-        moments: dict[str, dict[int, dict[str, Tensor]]] = {kind: {} for kind in self.optimisers}
-        for name, value in arrays.items():
-            part, _, key = name.partition(".")
-            tensor = torch.from_numpy(value.copy())
-            if part == "network":
-                network[key] = tensor
-            else:
-                index, _, moment = key.partition(".")
-                moments[part].setdefault(int(index), {})[moment] = tensor
-        self.network.load_state_dict(network)
-        for kind, optimiser in self.optimisers.items():
-            groups = optimiser.state_dict()["param_groups"]
-            optimiser.load_state_dict({"state": moments[kind], "param_groups": groups})
-        self.log, self.steps = note["log"], note["steps"]
+        self.network.load_state_dict(state.weights["network"])
+        state.load_optimisers(self.optimisers)
+        self.log, self.steps = state.log, state.log[-1]["steps"]
         return len(self.log)
 
     @torch.no_grad()
@@ -286,7 +246,6 @@ class _Run:
         """Write the model with all that belongs to it."""
         self.network.eval().cpu()
         self.device = torch.device("cpu")
-        weights = pack({name: value.numpy() for name, value in self.network.state_dict().items()})
         onnx = export_set_onnx(self.network)
         shares = ", ".join(f"{share:.0%} {kind}" for kind, share in MIX.items())
         n_scenes = self.options.portions * self.options.portion_episodes
@@ -309,11 +268,5 @@ class _Run:
             },
             version=self.task.version,
         )
-        description = seal(description, {ONNX: onnx, WEIGHTS: weights})
-        self.folder.write_bytes(WEIGHTS, weights)
-        self.folder.write_bytes(ONNX, onnx)
-        self.folder.write_bytes(CURVES, figure_png(plot_losses(self.log, "portion")))
-        self.folder.write_text(CARD, set_model_card(description))
-        text = description.model_dump_json(by_alias=True, indent=2) + "\n"
-        self.folder.write_text(DESCRIPTION, text)
-        return description
+        weights = self.network.state_dict()
+        return write_model(self.folder, description, weights, onnx, self.log)

@@ -19,24 +19,13 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from gaia_uwb.checkpoint import (
-    CARD,
-    DESCRIPTION,
-    ONNX,
-    WEIGHTS,
-    pack,
-    read_description,
-    read_weights,
-    seal,
-    unpack,
-)
+from gaia_uwb.checkpoint import read_description, read_weights
 from gaia_uwb.corrections import plausible_correction_m
 from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.features import make_features, make_targets
 from gaia_uwb.files import OutputFolder
 from gaia_uwb.learning_sets import LearningSets
-from gaia_uwb.loss_plots import plot_losses
 from gaia_uwb.model import (
     Domain,
     GaiaOptions,
@@ -47,16 +36,12 @@ from gaia_uwb.model import (
     TrainingOptions,
     per_step,
 )
-from gaia_uwb.model_card import model_card
 from gaia_uwb.networks import Gaia, make_network
 from gaia_uwb.networks.augmentation import varied
 from gaia_uwb.networks.export import export_onnx
 from gaia_uwb.networks.losses import Batch, loss_terms
-from gaia_uwb.plots import figure_png
+from gaia_uwb.training_files import Means, read_state, write_model, write_state
 
-STATE = "training-state.safetensors"
-LOG = "training-log.jsonl"
-CURVES = "loss-curves.png"
 BASE = "base"
 """Sub-folder of the PoseMLP that ``gaia`` was built on."""
 
@@ -239,7 +224,7 @@ class _Run:
         self.network.train()
         rng = np.random.default_rng([self.options.seed, epoch])
         order = rng.permutation(len(self.task.sets.training))
-        sums: dict[str, float] = {}
+        means = Means()
         for start in range(0, len(order), self.options.batch_size):
             chosen = torch.from_numpy(order[start : start + self.options.batch_size])
             batch = Batch(*(part[chosen] for part in self.training))
@@ -251,17 +236,15 @@ class _Run:
             terms["total"].backward()  # type: ignore[no-untyped-call]
             nn.utils.clip_grad_norm_(self.network.parameters(), self.options.gradient_norm)
             self.optimiser.step()
-            for name, value in terms.items():
-                sums[name] = sums.get(name, 0.0) + len(chosen) * value.item()
-        return {name: value / len(order) for name, value in sums.items()}
+            means.add(terms, len(chosen))
+        return means.values()
 
     @torch.no_grad()
     def _validate(self) -> dict[str, float]:
         """Return every term's mean over the validation data, and the mean squared range error."""
         self.network.eval()
-        sums: dict[str, float] = {}
-        n = len(self.task.sets.validation)
-        for start in range(0, n, _EVALUATION_BATCH):
+        means = Means()
+        for start in range(0, len(self.task.sets.validation), _EVALUATION_BATCH):
             batch = Batch(*(part[start : start + _EVALUATION_BATCH] for part in self.validation))
             prediction = self.network(*batch[:4])
             scale_m = self.normalisation.scale_m
@@ -269,9 +252,8 @@ class _Run:
             square_m2 = (prediction.distance * scale_m - batch.range_m).square() * batch.mask
             count = batch.mask.sum(dim=(1, 2)).clamp_min(1)
             terms["distance_mse_overall"] = (square_m2.sum(dim=(1, 2)) / count).mean()
-            for name, value in terms.items():
-                sums[name] = sums.get(name, 0.0) + len(count) * value.item()
-        return {name: value / n for name, value in sums.items()}
+            means.add(terms, len(count))
+        return means.values()
 
     def _batch(self, episodes: Sequence[Episode]) -> Batch:
         """Return episodes as tensors on the device."""
@@ -292,45 +274,18 @@ class _Run:
         return digest.hexdigest()
 
     def _write_state(self) -> None:
-        """Write the log, and then all that the next epoch depends on."""
-        # In this order: whoever is killed in between does the epoch again and writes the log anew.
-        self.folder.write_text(LOG, "".join(json.dumps(line) + "\n" for line in self.log))
-        tensors = {f"network.{name}": value for name, value in self.network.state_dict().items()}
-        tensors |= {f"best.{name}": value for name, value in self.best.items()}
-        for index, moments in self.optimiser.state_dict()["state"].items():
-            tensors |= {f"optimiser.{index}.{name}": value for name, value in moments.items()}
-        arrays = {name: value.cpu().numpy() for name, value in tensors.items()}
-        note = json.dumps({"key": self.key, "log": self.log}).encode()
-        arrays["note"] = np.frombuffer(note, dtype=np.uint8)
-        self.folder.write_bytes(STATE, pack(arrays))
+        weights = {"network": self.network.state_dict(), "best": self.best}
+        write_state(self.folder, self.key, self.log, weights, {"adamw": self.optimiser})
 
     def resume(self) -> int:
         """Take up the state that an earlier run left, and return how many epochs are done."""
-        path = self.folder.path / STATE
-        if not path.is_file():
+        state = read_state(self.folder, self.key)
+        if state is None:
             return 0
-        arrays = unpack(path.read_bytes(), str(path))
-        if "note" not in arrays:
-            raise ConfigError(f"{path}: no state of a training; remove it")
-        note = json.loads(arrays.pop("note").tobytes())
-        if note["key"] != self.key:
-            raise ConfigError(
-                f"{path}: belongs to another training (other data, base, sizes or settings); "
-                "remove it or choose another folder"
-            )
-        parts: dict[str, dict[str, Tensor]] = {"network": {}, "best": {}, "optimiser": {}}
-        for name, value in arrays.items():
-            part, _, key = name.partition(".")
-            parts[part][key] = torch.from_numpy(value.copy())
-        self.network.load_state_dict(parts["network"])
-        self.best = {name: value.to(self.device) for name, value in parts["best"].items()}
-        moments: dict[int, dict[str, Tensor]] = {}
-        for name, tensor in parts["optimiser"].items():
-            index, _, key = name.partition(".")
-            moments.setdefault(int(index), {})[key] = tensor
-        groups = self.optimiser.state_dict()["param_groups"]
-        self.optimiser.load_state_dict({"state": moments, "param_groups": groups})
-        self.log = note["log"]
+        self.network.load_state_dict(state.weights["network"])
+        self.best = {name: value.to(self.device) for name, value in state.weights["best"].items()}
+        state.load_optimisers({"adamw": self.optimiser})
+        self.log = state.log
         losses = [line["validation"]["total"] for line in self.log]
         self.best_epoch = int(np.argmin(losses))
         self.best_loss = losses[self.best_epoch]
@@ -346,8 +301,6 @@ class _Run:
         """Write the best model with all that belongs to it."""
         self.network.load_state_dict(self.best)
         self.network.eval().cpu()
-        weights = pack({name: value.cpu().numpy() for name, value in self.best.items()})
-        onnx = export_onnx(self.network, self.n_anchors)
         metrics = self.log[self.best_epoch]["validation"]
         description = ModelDescription(
             schema=1,
@@ -364,13 +317,5 @@ class _Run:
             | {"epochs": float(len(self.log)), "best_epoch": float(self.best_epoch)},
             version=self.task.version,
         )
-        description = seal(description, {WEIGHTS: weights, ONNX: onnx})
-        self.folder.write_bytes(WEIGHTS, weights)
-        self.folder.write_bytes(ONNX, onnx)
-        figure = plot_losses(self.log)
-        self.folder.write_bytes(CURVES, figure_png(figure))
-        self.folder.write_text(CARD, model_card(description))
-        self.folder.write_text(
-            DESCRIPTION, description.model_dump_json(by_alias=True, indent=2) + "\n"
-        )
-        return description
+        onnx = export_onnx(self.network, self.n_anchors)
+        return write_model(self.folder, description, self.best, onnx, self.log)

@@ -183,7 +183,7 @@ def _zone(table: Table, rows: Mapping[str, Row], k: int, title: str) -> Zone:
 
 def _training_log(workshop: Workshop) -> list[dict[str, Any]]:
     """Return the log of GAIA's training on the stress preset."""
-    from gaia_uwb.training import LOG
+    from gaia_uwb.training_files import LOG
 
     seed = workshop.plan.stress_seeds[0]
     path = workshop.models.path / f"gaia-seed{seed}" / LOG

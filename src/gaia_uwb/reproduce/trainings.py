@@ -34,7 +34,7 @@ _CODE = ("training", "features", "corrections", "networks.losses", "networks.aug
 # What a training imports for its files and pictures, and what the key holds the values of.
 _NOT_FOLLOWED = (
     "bootstrap", "config", "episode", "errors", "files", "learning_sets", "loss_plots", "model",
-    "model_card", "networks", "plots", "_typing",
+    "model_card", "networks", "plots", "training_files", "_typing",
 )  # fmt: skip
 
 # Seconds on one thread; only the order of the jobs and the time left depend on them.
@@ -200,7 +200,8 @@ def train_model(training: Training) -> bool:
         stamp = None
     if stamp is not None and stamp["done"] and (training.place / DESCRIPTION).is_file():
         return False
-    from gaia_uwb.training import STATE, Task, train
+    from gaia_uwb.training import Task, train
+    from gaia_uwb.training_files import STATE
 
     taken_up = stamp is None and (training.place / STATE).is_file()
     note: dict[str, Any] = stamp or {"key": key, "seconds": 0.0, "taken_up": taken_up}
@@ -275,7 +276,7 @@ def _key(training: Training, sets: LearningSets) -> str:
 
 def _forget(folder: OutputFolder) -> None:
     """Remove a stale model, so that its state is not taken up."""
-    from gaia_uwb.training import STATE
+    from gaia_uwb.training_files import STATE
 
     for name in (STATE, DESCRIPTION, STAMP):
         folder.remove(name)
