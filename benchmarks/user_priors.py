@@ -13,7 +13,6 @@ import numpy as np
 
 from gaia_uwb.config import PipelineConfig, make_config
 from gaia_uwb.episode import Episode
-from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.metrics import score_episode
 from gaia_uwb.pipeline import prepare, reconstruct_episodes
@@ -61,7 +60,7 @@ def row(name: str, said: Said, episodes: list[Episode], denoiser: str) -> str:
         (found,) = reconstruct_episodes([episode], config)
         scores.append(score_episode(episode, found.denoised, found.anchors))
         noticed.append(any(word in reason for reason in found.reasons for word in OBJECTIONS))
-        doubtful.append(np.mean([fix.status is AnchorStatus.AMBIGUOUS for fix in found.anchors]))
+        doubtful.append(np.mean([fix.side_is_open for fix in found.anchors]))
     cells = []
     for metric, scale, digits in (
         ("polygon_iou", 1.0, 3),

@@ -70,7 +70,8 @@ def test_report_of_an_anchor() -> None:
     lon, lat = anchors[0].pop("lon"), anchors[0].pop("lat")
     assert anchors[0] == {
         "id": "A", "east_m": 1.0, "north_m": 2.0, "covariance_m2": [[0.04, 0.01], [0.01, 0.02]],
-        "mirror_probability": 0.002, "mirror_east_m": 1.0, "mirror_north_m": -10.0,
+        "mirror_probability": 0.002, "side_is_open": False,
+        "mirror_east_m": 1.0, "mirror_north_m": -10.0,
         "mirror_covariance_m2": None, "status": "ok", "n_ranges": 180, "range_bias_m": 0.05,
     }  # fmt: skip
     metres_per_degree = 111_190.0  # of latitude at 48 degrees, to 0.1 %
@@ -159,8 +160,8 @@ def test_anchor_table(written: Path) -> None:
     table = pl.read_csv(written / "anchors.csv")
     assert table.columns == [
         "anchor_id", "status", "east_m", "north_m", "lon", "lat", "covariance_ee_m2",
-        "covariance_en_m2", "covariance_nn_m2", "mirror_probability", "mirror_east_m",
-        "mirror_north_m", "mirror_covariance_ee_m2", "mirror_covariance_en_m2",
+        "covariance_en_m2", "covariance_nn_m2", "mirror_probability", "side_is_open",
+        "mirror_east_m", "mirror_north_m", "mirror_covariance_ee_m2", "mirror_covariance_en_m2",
         "mirror_covariance_nn_m2", "n_ranges", "range_bias_m",
     ]  # fmt: skip
     assert table["anchor_id"].to_list() == ["cone-0", "cone-1", "cone-2", "cone-3"]

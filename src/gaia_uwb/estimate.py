@@ -75,6 +75,9 @@ class AnchorFix:
     mirror_covariance_m2 : (2, 2), optional
         Covariance of ``mirror_position_m`` given that the anchor stands there, in square metres;
         NaN where it is unknown.
+    side_is_open
+        Whether the mirror position is too probable to leave it out: with status ``ambiguous``, and
+        beside a status that says something worse.
 
     Raises
     ------
@@ -94,8 +97,11 @@ class AnchorFix:
     mirror_covariance_m2: Float64[Array, "2 2"] = field(
         default_factory=lambda: np.full((2, 2), np.nan)
     )
+    side_is_open: bool = False
 
     def __post_init__(self) -> None:
+        if self.status is AnchorStatus.AMBIGUOUS:
+            object.__setattr__(self, "side_is_open", True)
         shapes = {
             "position_m": (2,),
             "covariance_m2": (2, 2),

@@ -34,7 +34,7 @@ import numpy as np
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.boundary_uncertainty import BoundaryUncertainty
 from gaia_uwb.episode import Episode
-from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus
+from gaia_uwb.estimate import AnchorFix, Boundary, BoundaryStatus
 from gaia_uwb.pipeline import Reconstruction
 from gaia_uwb.projection import to_geodetic
 from gaia_uwb.scene import LocalFrame
@@ -212,14 +212,14 @@ class _Writer:
             if ellipse is not None:
                 outline_m = ellipse.outline_m(anchor.position_m)
                 yield self._polygon("ellipse", outline_m, _described(anchor, ellipse))
-        ambiguous = [anchor for anchor in located if anchor.status is AnchorStatus.AMBIGUOUS]
-        for anchor in ambiguous:
+        undecided = [anchor for anchor in located if anchor.side_is_open]
+        for anchor in undecided:
             ellipse = confidence_ellipse(anchor.mirror_covariance_m2)
             if ellipse is not None:
                 outline_m = ellipse.outline_m(anchor.mirror_position_m)
                 described = _described(anchor, ellipse, mirror=True) | {"mirror": True}
                 yield self._polygon("ellipse", outline_m, described)
-        for anchor in ambiguous:
+        for anchor in undecided:
             yield self._point(
                 "mirror",
                 anchor.mirror_position_m,

@@ -226,7 +226,7 @@ def _short_path(look: _Look) -> Iterator[Limit]:
 
 
 def _unknown_side(look: _Look) -> Iterator[Limit]:
-    open_sides = look.of_status(AnchorStatus.AMBIGUOUS)
+    open_sides = [anchor for anchor in look.anchors if anchor.side_is_open]
     if not open_sides:
         return
     share = max(anchor.mirror_probability for anchor in open_sides)

@@ -268,7 +268,7 @@ def _table(reconstruction: Reconstruction) -> Iterator[str]:
             str(anchor.n_ranges),
             _number(float(np.median(own_m)) if own_m.size else np.nan),
         ])  # fmt: skip
-        if anchor.status is AnchorStatus.AMBIGUOUS:
+        if anchor.side_is_open:
             place = _place(frame, anchor.mirror_position_m)
             yield _row([in_markdown(anchor.anchor_id), "other possible place", *place, "",
                         percent(anchor.mirror_probability), "", ""])  # fmt: skip

@@ -374,7 +374,12 @@ def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> tuple[str, ...
     reasons = []
     for status in AnchorStatus:
         if status is not AnchorStatus.OK:
-            ids = [anchor.anchor_id for anchor in anchors if anchor.status is status]
+            ids = [
+                anchor.anchor_id
+                for anchor in anchors
+                if anchor.status is status
+                or (status is AnchorStatus.AMBIGUOUS and anchor.side_is_open)
+            ]
             if ids:
                 reasons.append(f"{_listed(ids)}: {status.message}")
     if boundary.status is BoundaryStatus.TOO_FEW_ANCHORS:

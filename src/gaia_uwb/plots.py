@@ -17,7 +17,7 @@ import numpy as np
 from gaia_uwb._text import printable
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.boundary_uncertainty import BoundaryUncertainty
-from gaia_uwb.estimate import AnchorStatus, BoundaryStatus
+from gaia_uwb.estimate import BoundaryStatus
 from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
 from gaia_uwb.zone_passes import end_to_end, starts_s
 
@@ -129,7 +129,7 @@ class _Cones:
     ellipse_m: Float64[Array, "K E 2"]
     """Points on the 90 % ellipses; NaN where a covariance is unknown."""
     mirror_m: Float64[Array, "M 2 2"]
-    """Both places of the ambiguous anchors: the chosen one, the other one."""
+    """Both places of the anchors whose side is open: the chosen one, the other one."""
     mirror_ellipse_m: Float64[Array, "M E 2"]
     """Points on the 90 % ellipses about the other ones."""
 
@@ -138,7 +138,7 @@ class _Cones:
         fixes = [(k, f) for k, f in enumerate(reconstruction.anchors) if f.status.has_position]
         position_m = np.array([f.position_m for _, f in fixes]).reshape(-1, 2)
         covariance_m2 = np.array([f.covariance_m2 for _, f in fixes]).reshape(-1, 2, 2)
-        mirrored = [f for _, f in fixes if f.status is AnchorStatus.AMBIGUOUS]
+        mirrored = [f for _, f in fixes if f.side_is_open]
         both_m = np.array([[f.position_m, f.mirror_position_m] for f in mirrored]).reshape(-1, 2, 2)
         mirror_m2 = np.array([f.mirror_covariance_m2 for f in mirrored]).reshape(-1, 2, 2)
         return cls(

@@ -37,7 +37,7 @@ import numpy as np
 from gaia_uwb.boundary_uncertainty import BoundaryUncertainty
 from gaia_uwb.config import dump_config
 from gaia_uwb.episode import DenoisedRanges, Episode, RangeCalibration
-from gaia_uwb.estimate import AnchorFix, AnchorStatus
+from gaia_uwb.estimate import AnchorFix
 from gaia_uwb.files import OutputFolder
 from gaia_uwb.geojson import Json, boundary_geojson, lon_lat
 from gaia_uwb.geopackage import geopackage
@@ -103,7 +103,7 @@ def make_report(
             "side_unknown_ids": [
                 anchor.anchor_id
                 for anchor in reconstruction.anchors
-                if anchor.status is AnchorStatus.AMBIGUOUS
+                if anchor.side_is_open
             ],
             "uncertainty": _uncertainty(reconstruction.boundary_uncertainty),
         },
@@ -239,6 +239,7 @@ def _anchor(anchor: AnchorFix, lon: float, lat: float) -> Json:
         "lat": _finite(lat),
         "covariance_m2": covariance_m2.tolist() if np.isfinite(covariance_m2).all() else None,
         "mirror_probability": anchor.mirror_probability,
+        "side_is_open": anchor.side_is_open,
         "mirror_east_m": _finite(anchor.mirror_position_m[0]),
         "mirror_north_m": _finite(anchor.mirror_position_m[1]),
         "mirror_covariance_m2": mirror_m2.tolist() if np.isfinite(mirror_m2).all() else None,
@@ -273,6 +274,7 @@ def _write_anchors(reconstruction: Reconstruction, path: Path) -> None:
             "covariance_en_m2": covariance_m2[:, 0, 1],
             "covariance_nn_m2": covariance_m2[:, 1, 1],
             "mirror_probability": [float(anchor.mirror_probability) for anchor in anchors],
+            "side_is_open": [anchor.side_is_open for anchor in anchors],
             "mirror_east_m": mirror_m[:, 0],
             "mirror_north_m": mirror_m[:, 1],
             "mirror_covariance_ee_m2": mirror_m2[:, 0, 0],

@@ -339,15 +339,10 @@ def _fix(
     side = int(chosen.side[n])
     covariance = chosen.covariance_m2[n]
     mirror = float(chosen.mirror_probability[n])
-    status = AnchorStatus.OK
-    if not np.isfinite(chosen.place_m[n]).all():
+    if np.isfinite(chosen.place_m[n]).all():
+        status = status_of(covariance, mirror, bool(hypotheses.converged[n]), config, solver)
+    else:
         status, mirror = AnchorStatus.TOO_FEW_RANGES, 0.0
-    elif np.linalg.eigvalsh(covariance)[1] > solver.ill_conditioned_above_m**2:
-        status = AnchorStatus.ILL_CONDITIONED
-    elif not hypotheses.converged[n]:
-        status = AnchorStatus.NOT_CONVERGED
-    elif mirror > config.ambiguous_above:
-        status = AnchorStatus.AMBIGUOUS
     return AnchorFix(
         anchor_id=anchor_id,
         position_m=chosen.place_m[n],
@@ -358,4 +353,36 @@ def _fix(
         n_ranges=int(hypotheses.n_ranges[n]),
         range_bias_m=float(hypotheses.own_bias_m[n]),
         mirror_covariance_m2=chosen.mirror_covariance_m2[n],
+        side_is_open=mirror > config.ambiguous_above,
     )
+
+
+def status_of(
+    covariance_m2: Float64[Array, "2 2"],
+    mirror_probability: float,
+    converged: bool,
+    config: SidesConfig,
+    solver: SolverConfig,
+) -> AnchorStatus:
+    """Return how far a place can be trusted; the worst that can be said of it.
+
+    Parameters
+    ----------
+    covariance_m2 : (2, 2)
+        Of the place.
+    mirror_probability
+        Of the other place.
+    converged
+        Whether the search for it did.
+    config
+        ``ambiguous_above``.
+    solver
+        ``ill_conditioned_above_m``.
+    """
+    if np.linalg.eigvalsh(covariance_m2)[1] > solver.ill_conditioned_above_m**2:
+        return AnchorStatus.ILL_CONDITIONED
+    if not converged:
+        return AnchorStatus.NOT_CONVERGED
+    if mirror_probability > config.ambiguous_above:
+        return AnchorStatus.AMBIGUOUS
+    return AnchorStatus.OK

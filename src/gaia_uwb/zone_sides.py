@@ -20,11 +20,13 @@ from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.side_search import SHARED_ERRORS
-from gaia_uwb.sides import KEPT, Combinations, Decision, kept_combinations
+from gaia_uwb.sides import KEPT, Combinations, Decision, kept_combinations, status_of
 from gaia_uwb.zone_posterior import ZonePosterior
 
 _LOOKED_AT = 128  # likeliest combinations under each hypothesis
 _ENOUGH = 0.9  # probability of the combinations that are kept, else they are drawn
+_DRAWN = 2048  # combinations, where something is known that makes some of them likelier
+_WORTH = 200.0  # drawn combinations that these must be worth
 _HOPELESS = 20.0  # log odds against a combination, beyond which it is not looked at
 _ONE_PLACE_M = 0.5  # two places nearer to each other than a cone is wide are one
 _LEAST = 1e-4  # probability of a side, where something else is known: no network is surer than that
@@ -93,11 +95,10 @@ class _Choice:
         side = _candidates(right)
         log_weight = _log_weight(zone.scene_probability, right, side)
         best = side[int(np.argmax(log_weight))]
-        if np.exp(np.sort(log_weight)[-KEPT:]).sum() > _ENOUGH:
+        if _hold_enough(log_weight):
             combinations = _kept(side, _weight(log_weight), located)
         else:
-            drawn = _drawn(zone.scene_probability, right)
-            combinations = _kept(drawn, np.ones(len(drawn)), located)
+            combinations = _counted(_drawn(zone.scene_probability, right, KEPT), located)
         marginal = zone.scene_probability @ right
         mirror = np.where(best == 1, 1.0 - marginal, marginal)
         return cls(
@@ -122,20 +123,30 @@ class _Choice:
         right = np.clip(1.0 - zone.left_probability[:, located], _LEAST, 1.0 - _LEAST)
         side = np.concatenate([_candidates(right), _what_may_be_said(right)])
         side = np.unique(side, axis=0)
-        log_weight = said_nothing = _log_weight(zone.scene_probability, right, side)
-        holds, reasons = facts.borne_out(hypotheses, located, side, _weight(log_weight))
-        surveyed = hypotheses
-        if holds is not None:
-            surveyed = holds.with_surveys(hypotheses)
-            for statement in holds.statements(hypotheses, located, side):
-                log_weight = log_weight + statement.log_ratio
-        weight = _weight(log_weight)
-        combinations = _kept(side, weight, located)
-        best = combinations.side[0]
+        before = _log_weight(zone.scene_probability, right, side)
+        holds, reasons = facts.borne_out(hypotheses, located, side, _weight(before))
+        surveyed = hypotheses if holds is None else holds.with_surveys(hypotheses)
+
+        def said(side: Int64[Array, "K M"]) -> Float64[Array, "K"]:
+            """Return how much likelier combinations are with all that holds."""
+            log_ratio = np.zeros(len(side))
+            for statement in () if holds is None else holds.statements(hypotheses, located, side):
+                log_ratio += statement.log_ratio
+            return log_ratio
+
+        after = before + said(side)
+        best = side[int(np.argmax(after))]
+        combinations = _kept(side, _weight(after), located)
+        if not _hold_enough(before):
+            drawn = _drawn(zone.scene_probability, right, _DRAWN)
+            weight = _weight(said(drawn))
+            if weight.sum() ** 2 > _WORTH * (weight**2).sum():
+                combinations = _counted(_resampled(drawn, weight), located)
+                side, before, after = drawn, np.zeros(len(drawn)), np.log(weight)
         marginal = zone.scene_probability @ right
         alone = np.where(best == 1, 1.0 - marginal, marginal)
-        log_odds = _log_odds(alone) + _other_side(side, weight, best)
-        log_odds -= _other_side(side, _weight(said_nothing), best)
+        log_odds = _log_odds(alone) + _other_side(side, _weight(after), best)
+        log_odds -= _other_side(side, _weight(before), best)
         place_m = surveyed.position_m[located, best]
         covariance_m2 = surveyed.covariance_m2[located, best]
         if holds is not None:  # a spacing says nothing of what moves neighbours alike
@@ -167,20 +178,16 @@ def _fix(
     covariance_m2 = choice.covariance_m2[row]
     mirror = float(choice.mirror_probability[row])
     other = 1 - int(choice.side[row])
-    status = AnchorStatus.OK
-    if np.linalg.eigvalsh(covariance_m2)[1] > solver.ill_conditioned_above_m**2:
-        status = AnchorStatus.ILL_CONDITIONED
-    elif mirror > config.ambiguous_above:
-        status = AnchorStatus.AMBIGUOUS
     return AnchorFix(
         anchor_id=anchor_id,
         position_m=choice.place_m[row],
         covariance_m2=covariance_m2,
         mirror_position_m=choice.hypotheses.position_m[n, other],
         mirror_probability=mirror,
-        status=status,
+        status=status_of(covariance_m2, mirror, True, config, solver),
         n_ranges=n_ranges,
         mirror_covariance_m2=choice.hypotheses.covariance_m2[n, other],
+        side_is_open=mirror > config.ambiguous_above,
     )
 
 
@@ -318,11 +325,29 @@ def _kept(
     return replace(kept_combinations(side, weight, located, joint=False), learned=True)
 
 
-def _drawn(scene: Float64[Array, "2"], right: Float64[Array, "2 M"]) -> Int64[Array, "K M"]:
-    """Draw as many combinations as are kept: where many sides are open, no list holds them."""
+def _hold_enough(log_weight: Float64[Array, "K"]) -> bool:
+    """Tell whether as many combinations as are kept can stand for all."""
+    return bool(np.exp(np.sort(log_weight)[-KEPT:]).sum() > _ENOUGH)
+
+
+def _drawn(
+    scene: Float64[Array, "2"], right: Float64[Array, "2 M"], count: int
+) -> Int64[Array, "K M"]:
+    """Draw combinations: where many sides are open, no list holds them."""
     rng = np.random.default_rng(0)
-    given = (rng.random(KEPT) >= scene[0]).astype(np.int64)
-    return np.asarray(rng.random((KEPT, right.shape[1])) < right[given], dtype=np.int64)
+    given = (rng.random(count) >= scene[0]).astype(np.int64)
+    return np.asarray(rng.random((count, right.shape[1])) < right[given], dtype=np.int64)
+
+
+def _resampled(side: Int64[Array, "K M"], weight: Float64[Array, "K"]) -> Int64[Array, "_ M"]:
+    """Return as many combinations as are kept, at even steps through the weights."""
+    edges = np.cumsum(weight) / weight.sum()
+    return side[np.searchsorted(edges, (np.arange(KEPT) + 0.5) / KEPT)]
+
+
+def _counted(drawn: Int64[Array, "K M"], located: Int64[Array, "M"]) -> Combinations:
+    side, count = np.unique(drawn, axis=0, return_counts=True)
+    return _kept(side, count.astype(np.float64), located)
 
 
 def _what_may_be_said(right: Float64[Array, "2 M"]) -> Int64[Array, "K M"]:

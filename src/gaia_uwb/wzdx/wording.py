@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gaia_uwb.estimate import AnchorFix, AnchorStatus
+from gaia_uwb.estimate import AnchorFix
 from gaia_uwb.geojson import Json, confidence_ellipse
 
 _CONFIDENCE = 0.95
@@ -18,7 +18,7 @@ def cone_messages(cone: AnchorFix) -> list[str]:
     radius_m = confidence_radius_m(cone)
     size = "unknown" if radius_m is None else f"{radius_m:.2f} m"
     words = [cone.status.message, f"95 % confidence radius {size}"]
-    if cone.status is AnchorStatus.AMBIGUOUS:
+    if cone.side_is_open:
         words.append(f"probability of the mirror place {cone.mirror_probability:.2f}")
     return words
 

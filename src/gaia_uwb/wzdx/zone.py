@@ -139,6 +139,7 @@ def _read_fix(row: Mapping[str, Any]) -> AnchorFix:
         mirror_probability=float(row["mirror_probability"]),
         status=AnchorStatus(row["status"]),
         n_ranges=int(row["n_ranges"]),
+        side_is_open=bool(row["side_is_open"]),
     )
 
 
