@@ -332,11 +332,14 @@ def test_ids_cannot_steer_the_terminal(run, log: Path, tmp_path: Path) -> None: 
     for table in ("ranges.csv", "anchors.csv"):
         text = (folder / table).read_text(encoding="utf-8")
         text = text.replace("cone-1,", "\x1b[31mred\u202e,")
+        text = text.replace("cone-2,", '"two\n  boundary: ok, 9999 m^2",')
         (folder / table).write_text(text, encoding="utf-8")
     for arguments in (("data", "check", folder), ("reconstruct", folder, "--out", tmp_path / "o")):
         _, out, err = run(*arguments)
         assert "\\x1b[31mred\\u202e" in out
         assert "\x1b" not in out + err
+        assert "two\\n  boundary: ok" in out
+        assert "\n  boundary: ok, 9999" not in out
 
 
 def test_scenes_of_one_name_do_not_overwrite_each_other(tmp_path: Path) -> None:

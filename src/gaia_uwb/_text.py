@@ -16,6 +16,24 @@ _LONGEST_TEXT = 150
 _LINKS = re.compile(r"(?i)(https?|ftp|mailto|xmpp):|\b(www)\.|:(?=[\w+-]+:)")
 
 
+def written_out(text: str) -> str:
+    r"""Return text with what is not printable written out, line ends as well.
+
+    So it cannot steer a terminal, and is one line.
+
+    Parameters
+    ----------
+    text
+        Any.
+
+    Examples
+    --------
+    >>> written_out("a\nb\x1b[2J")
+    'a\\nb\\x1b[2J'
+    """
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 def printable(text: str) -> str:
     """Return text on one line, with what steers a screen or turns its order written out.
 
@@ -24,8 +42,7 @@ def printable(text: str) -> str:
     text
         Any.
     """
-    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in " ".join(text.split()))
-    return shown or "(no name)"
+    return written_out(" ".join(text.split())) or "(no name)"
 
 
 def shown(value: object) -> str:
@@ -71,7 +88,7 @@ def in_a_line(text: str, longest: int) -> str:
     >>> in_a_line("a\nb", 10), in_a_line("0123456789", 4)
     ('a\\nb', '01...89')
     """
-    line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    line = written_out(text)
     half = longest // 2
     return line if len(line) <= longest else f"{line[:half]}...{line[-half:]}"
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from gaia_uwb._text import printable
 from gaia_uwb.cli_data import data_app
 from gaia_uwb.cli_fleet import fleet
 from gaia_uwb.cli_learning import train
@@ -32,7 +33,7 @@ from gaia_uwb.cli_options import (
 from gaia_uwb.cli_reproduce import reproduce_app
 from gaia_uwb.cli_simulate import simulate
 from gaia_uwb.cli_wzdx import wzdx_app
-from gaia_uwb.terminal import plain, print_results, print_summary, progress_bar, track
+from gaia_uwb.terminal import print_results, print_summary, progress_bar, track
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -232,7 +233,7 @@ def main() -> None:
 
 
 def _stop(message: str, code: int = BAD_INPUT) -> NoReturn:
-    sys.stderr.write(f"gaia: {plain(' '.join(message.split()))}\n")
+    sys.stderr.write(f"gaia: {printable(message)}\n")
     sys.exit(code)
 
 
@@ -241,7 +242,7 @@ def _stop_at(failures: Sequence[GaiaError], n_logs: int) -> None:
     if n_logs == 1 and failures:
         raise failures[0]
     for error in failures:
-        sys.stderr.write(f"gaia: left out: {plain(' '.join(str(error).split()))}\n")
+        sys.stderr.write(f"gaia: left out: {printable(str(error))}\n")
     if failures:
         _stop(f"{len(failures)} of {n_logs} logs were left out")
 
@@ -250,7 +251,7 @@ def _folders(out: Path, names: Sequence[str], *, several: bool = False) -> list[
     """Return a folder for each scene's results, all different; one that is all of it gets out."""
     if len(names) == 1 and not several:
         return [out]
-    safe = [plain(name).replace("/", "-").replace("\n", " ").lstrip(".")[:100] for name in names]
+    safe = [printable(name).replace("/", "-").lstrip(".")[:100] for name in names]
     if "" in safe or len(set(safe)) < len(safe):
         safe = [f"{k}-{name}" for k, name in enumerate(safe)]
     return [out / name for name in safe]

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
+from gaia_uwb._text import written_out
 from gaia_uwb.cli_options import ConfigOption, OutOption
-from gaia_uwb.terminal import plain, progress_bar
+from gaia_uwb.terminal import progress_bar
 
 _LEFT_OUT = 1
 
@@ -52,7 +53,8 @@ def fleet(
             results.append(result)
             progress.advance(task)
             if progress.disable:
-                typer.echo(plain(f"{len(results)} of {len(zones)}: {result.zone} {result.status}"))
+                line = f"{len(results)} of {len(zones)}: {result.zone} {result.status}"
+                typer.echo(written_out(line))
     write_tables(results, out)
     failures = sum(len(result.failures) for result in results)
     unsure = sum(result.status != "ok" for result in results)

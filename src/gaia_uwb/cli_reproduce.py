@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gaia_uwb._text import written_out
 from gaia_uwb.cli_options import DataDirOption, OutOption, require_torch, version
-from gaia_uwb.terminal import plain
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -214,7 +214,7 @@ def _run(name: str, workshop: Workshop, *, torch: bool = True) -> None:
     run_part(workshop, name)
     text = workshop.folder.path / f"{name}.md"
     if text.is_file():
-        typer.echo(plain(text.read_text(encoding="utf-8")))
+        typer.echo("\n".join(map(written_out, text.read_text(encoding="utf-8").split("\n"))))
     elif workshop.plan.quick:
         typer.echo(QUICK_MARK)
     typer.echo(f"wrote {workshop.folder.path / 'results.json'} and the files beside it")
@@ -243,5 +243,5 @@ def _write_page(workshop: Workshop, page: Path | None, prose: Path | None) -> No
 
 
 def _say(text: str) -> None:
-    sys.stderr.write(f"{plain(text)}\n")
+    sys.stderr.write(f"{written_out(text)}\n")
     sys.stderr.flush()

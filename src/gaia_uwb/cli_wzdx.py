@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gaia_uwb._text import written_out
 from gaia_uwb.cli_options import DataDirOption
-from gaia_uwb.terminal import plain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -145,7 +145,7 @@ def _print_problems(found: Mapping[Path, list[Problem]] | Mapping[str, list[Prob
         lines.append(
             f"{name}: {verdict}" + (f", {_count(warnings, 'warning')}" if warnings else "")
         )
-        typer.echo("\n".join(map(_one_line, lines)))
+        typer.echo("\n".join(map(written_out, lines)))
     return valid
 
 
@@ -158,13 +158,8 @@ def _print_zone(zone: Zone, paths: Sequence[Path]) -> None:
         lines.append(f"  left out, not located: {', '.join(zone.unlocated)}")
     lines += [f"  unreliable: {reason}" for reason in zone.reasons]
     lines += [f"  wrote {path}" for path in paths]
-    typer.echo("\n".join(map(_one_line, lines)))
+    typer.echo("\n".join(map(written_out, lines)))
 
 
 def _count(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
-
-
-def _one_line(text: str) -> str:
-    """Escape what would steer a terminal, line ends too: a problem is one line."""
-    return plain(text).replace("\n", "\\n")

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
+from gaia_uwb._text import written_out
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -16,11 +18,6 @@ if TYPE_CHECKING:
     from gaia_uwb.pipeline import Reconstruction
 
 _Item = TypeVar("_Item")
-
-
-def plain(text: str) -> str:
-    """Escape what would steer a terminal: ids and names in a log may hold anything."""
-    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
 
 
 def progress_bar() -> Progress:
@@ -86,7 +83,7 @@ def print_summary(
     lines += [f"  because {reason}" for reason in result.reasons]
     lines += [f"  wrote {path}" for path in paths]
     progress.console.file.flush()
-    typer.echo(plain("\n".join(lines)))
+    typer.echo("\n".join(map(written_out, lines)))
 
 
 def print_results(results: Mapping[str, Any], path: Path) -> None:
