@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -100,6 +101,50 @@ def test_what_is_done_is_not_done_again(logs: Path, one: Path) -> None:
     again = list(reconstruct_fleet(find_zones(logs), one, RAW))
     assert len(again) == 3
     assert {path: path.stat().st_mtime_ns for path in one.rglob("map.html")} == before
+
+
+def test_results_inside_the_folder_of_logs_are_no_zone(logs: Path, tmp_path: Path) -> None:
+    source = tmp_path / "drives"
+    shutil.copytree(logs / "zone-0", source / "zone-0")
+    for out in (source / "out", source / "zone-0" / "out"):
+        write_tables(list(reconstruct_fleet(find_zones(source, out), out, RAW)), out)
+        (zone,) = find_zones(source, out)
+        assert (zone.name, len(zone.logs)) == ("zone-0", 2)
+        shutil.rmtree(out)
+
+
+def test_another_model_under_the_same_name_is_another_result(
+    logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    zone = find_zones(logs)[0]
+    before = fleet._digest(zone, RAW)
+    assert fleet._digest(zone, RAW) == before
+    monkeypatch.setattr("gaia_uwb.denoisers.denoiser_identity", lambda name: [name, "retrained"])
+    assert fleet._digest(zone, RAW) != before
+
+
+def test_a_file_that_a_description_names_elsewhere_belongs_to_the_log(tmp_path: Path) -> None:
+    folder, table = tmp_path / "zone" / "drive", tmp_path / "ranges.csv"
+    folder.mkdir(parents=True)
+    table.write_text("t,anchor,range\n", encoding="utf-8")
+    columns = "columns: {t_s: t, anchor_id: anchor, range_m: range}"
+    (folder / "gaia.yaml").write_text(
+        "trajectory: {file: drive.nmea, format: nmea}\n"
+        f"ranges: [{{file: ../../ranges.csv, format: csv, {columns}}}]\n",
+        encoding="utf-8",
+    )
+    zone = fleet.Zone("zone", (str(folder),))
+    before = fleet._digest(zone, RAW)
+    table.write_text("t,anchor,range\n0,A,1\n", encoding="utf-8")
+    assert fleet._digest(zone, RAW) != before
+
+
+def test_workers_alone_get_one_thread_each(
+    logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    for _ in reconstruct_fleet(find_zones(logs), tmp_path, RAW):
+        assert "OMP_NUM_THREADS" not in os.environ
 
 
 def test_a_killed_run_goes_on(logs: Path, one: Path, tmp_path: Path) -> None:

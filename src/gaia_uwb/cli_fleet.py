@@ -44,7 +44,7 @@ def fleet(
     if scheduler is not None and workers > 1:
         raise ConfigError("--workers: a scheduler has workers of its own")
     settings = PipelineConfig() if config is None else load_config(config)
-    zones = find_zones(source)
+    zones = find_zones(source, out)
     OutputFolder(out)
     results = []
     with progress_bar() as progress:

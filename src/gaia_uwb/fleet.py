@@ -102,7 +102,7 @@ class ZoneResult:
         return cls(zone.name, "failed", 0, 0, 0, 0.0, (Failure(zone.name, "", problem),))
 
 
-def find_zones(source: Path) -> list[Zone]:
+def find_zones(source: Path, out: Path | None = None) -> list[Zone]:
     """Return the zones of a manifest, or of a folder that holds a folder of logs for each zone.
 
     Parameters
@@ -111,6 +111,8 @@ def find_zones(source: Path) -> list[Zone]:
         A manifest: a YAML file (``.yaml`` or ``.yml``) with a list of logs for each zone, or a CSV
         file with the columns ``log`` and ``zone``, places seen from its own folder. Or a folder; a
         log that lies in the folder itself is a zone of its own.
+    out
+        Folder for results; where it lies in the source, what is in it is no log.
 
     Returns
     -------
@@ -137,7 +139,7 @@ def find_zones(source: Path) -> list[Zone]:
         is_yaml = source.suffix.lower() in {".yaml", ".yml"}
         zones = _yaml_manifest(source) if is_yaml else _csv_manifest(source)
     elif source.is_dir():
-        zones = _folder(source)
+        zones = _folder(source, out)
     else:
         raise SourceError(f"{source}: neither a folder nor a manifest")
     if not zones:
@@ -199,19 +201,23 @@ def _yaml_manifest(source: Path) -> dict[str, list[str]]:
     return zones
 
 
-def _folder(source: Path) -> dict[str, list[str]]:
+def _folder(source: Path, out: Path | None) -> dict[str, list[str]]:
     from gaia_uwb.datasets.described import is_described
     from gaia_uwb.datasets.native import is_native
 
     def is_log(path: Path) -> bool:
         return is_described(path) or is_native(path)
 
+    def inside(folder: Path) -> list[Path]:
+        results = None if out is None else out.resolve()
+        return [path for path in visible(folder) if path.resolve() != results]
+
     zones: dict[str, list[str]] = {}
-    for path in visible(source):
+    for path in inside(source):
         if is_log(path):
             zones[path.name] = [str(path)]
         elif path.is_dir():
-            logs = [str(each) for each in visible(path) if is_log(each) or each.is_dir()]
+            logs = [str(each) for each in inside(path) if is_log(each) or each.is_dir()]
             if logs:
                 zones[path.name] = logs
     return zones
@@ -236,7 +242,7 @@ def reconstruct_zone(zone: Zone, folder: Path, config: PipelineConfig) -> ZoneRe
     """
     try:
         digest = _digest(zone, config)
-    except InputError as error:
+    except GaiaError as error:
         return ZoneResult.failed(zone, str(error))
     try:
         done = json.loads((folder / _DONE).read_text(encoding="utf-8"))
@@ -294,24 +300,39 @@ def _fused(zone: Zone, folder: Path, config: PipelineConfig) -> ZoneResult:
 
 
 def _digest(zone: Zone, config: PipelineConfig) -> str:
-    """Return what names a zone's logs, with the size and time of each file, and the settings.
+    """Return what names a zone's logs, with the size and time of each file, and the settings."""
+    from gaia_uwb.datasets.described import named_elsewhere
+    from gaia_uwb.denoisers import denoiser_identity
+
+    files = []
+    for log in zone.logs:
+        path, elsewhere = Path(log), []
+        with suppress(GaiaError, OSError):  # told when the log is read
+            elsewhere = named_elsewhere(path)
+        for place in (path, *elsewhere):
+            files += _files(place, log)
+    settings = config.model_dump(mode="json")
+    identity = denoiser_identity(config.denoiser)
+    content = [version("gaia-uwb"), settings, identity, zone.logs, files]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+def _files(place: Path, log: str) -> list[tuple[str, int, int]]:
+    """Return name, size and time of each file at a place.
 
     A folder with more files than any log has is none: a manifest's slip must not walk a whole disk.
     """
     files = []
-    for log in zone.logs:
-        path = Path(log)
-        with suppress(OSError):  # what cannot be looked at cannot be read later either
-            inside = list(islice(path.rglob("*"), _MOST_FILES + 1)) if path.is_dir() else [path]
-            if len(inside) > _MOST_FILES:
-                problem = f"holds more than {_MOST_FILES:,} files, name the folder of a log"
-                raise InputError(problem, source=log)
-            for each in sorted(inside):
-                if each.is_file():
-                    about = each.stat()
-                    files.append((str(each), about.st_size, about.st_mtime_ns))
-    content = [version("gaia-uwb"), config.model_dump(mode="json"), zone.logs, files]
-    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+    with suppress(OSError):  # what cannot be looked at cannot be read later either
+        inside = list(islice(place.rglob("*"), _MOST_FILES + 1)) if place.is_dir() else [place]
+        if len(inside) > _MOST_FILES:
+            problem = f"holds more than {_MOST_FILES:,} files, name the folder of a log"
+            raise InputError(problem, source=log)
+        for each in sorted(inside):
+            if each.is_file():
+                about = each.stat()
+                files.append((str(each), about.st_size, about.st_mtime_ns))
+    return files
 
 
 def write_tables(results: Sequence[ZoneResult], out: Path) -> list[Path]:

@@ -55,13 +55,14 @@ def _in_processes(
     waiting = list(reversed(zones))
     while waiting:
         killed: list[Zone] = []
-        with _one_thread(), _processes(workers) as pool:
+        with _processes(workers) as pool:
             running: dict[Future[ZoneResult], Zone] = {}
             while running or (waiting and not killed):
                 while waiting and not killed and len(running) < 2 * workers:
                     zone = waiting[-1]
                     try:
-                        job = pool.submit(reconstruct_zone, zone, out / zone.name, config)
+                        with _one_thread():  # a process is started here when one is needed
+                            job = pool.submit(reconstruct_zone, zone, out / zone.name, config)
                     except BrokenProcessPool:  # told when the next result is asked for
                         break
                     running[job] = waiting.pop()
@@ -86,9 +87,11 @@ def _processes(workers: int) -> ProcessPoolExecutor:
 
 def _alone(zone: Zone, out: Path, config: PipelineConfig) -> ZoneResult:
     """Reconstruct one zone in a process of its own."""
-    with _one_thread(), _processes(1) as pool:
+    with _processes(1) as pool:
         try:
-            return pool.submit(reconstruct_zone, zone, out / zone.name, config).result()
+            with _one_thread():
+                job = pool.submit(reconstruct_zone, zone, out / zone.name, config)
+            return job.result()
         except BrokenProcessPool:
             return ZoneResult.failed(zone, KILLED)
 

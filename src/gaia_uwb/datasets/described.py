@@ -73,6 +73,25 @@ def read_described(path: Path) -> tuple[Scene, tuple[str, ...]]:
     return _Reader(path.resolve().parent, description, shown=path).scene()
 
 
+def named_elsewhere(folder: Path) -> list[Path]:
+    """Return the files and folders outside a log's folder that its ``gaia.yaml`` names.
+
+    Parameters
+    ----------
+    folder
+        The log's folder.
+
+    Raises
+    ------
+    InputError, ConfigError
+        If there is a ``gaia.yaml`` that cannot be read or is wrong.
+    """
+    if not (folder / FILE_NAME).is_file():
+        return []
+    named = [folder / name for name in read_description(folder / FILE_NAME).names()]
+    return [path for path in named if folder.resolve() not in path.resolve().parents]
+
+
 class _Reader:
     """Reads what one description names.
 

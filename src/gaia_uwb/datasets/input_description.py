@@ -118,6 +118,13 @@ class InputDescription(Settings):
     lever_arm: LeverArm = LeverArm()
     """From the GNSS antenna to the tag's antenna."""
 
+    def names(self) -> list[str]:
+        """Return the files and folders that are named, seen from the description's folder."""
+        inputs = (self.trajectory, *self.ranges)
+        folders = [given.msg_dir for given in inputs if isinstance(given, _Ros)]
+        named = [given.file for given in inputs] + [self.anchors, *folders]
+        return [name for name in named if name is not None]
+
 
 def read_description(path: Path) -> InputDescription:
     """Read a description.

@@ -12,6 +12,7 @@ physical names, units and bounds) and its abilities (``uses_pose``, ``locates``)
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
@@ -22,7 +23,14 @@ from gaia_uwb._text import shown
 from gaia_uwb.denoisers._base import Denoiser, Options
 from gaia_uwb.errors import ConfigError
 
-__all__ = ["DENOISERS", "Denoiser", "Options", "denoiser_class", "make_denoiser"]
+__all__ = [
+    "DENOISERS",
+    "Denoiser",
+    "Options",
+    "denoiser_class",
+    "denoiser_identity",
+    "make_denoiser",
+]
 
 DENOISERS: dict[str, str] = {
     "raw": "gaia_uwb.denoisers.raw:Raw",
@@ -95,3 +103,33 @@ options are spike_neighbours, spike_threshold_sigma, spike_threshold_m, window_s
         known = ", ".join(kind.Options.model_fields) or "none"
         raise ConfigError(f"denoiser {name!r}: {problems}; its options are {known}") from error
     return kind(checked)
+
+
+def denoiser_identity(name: str) -> list[Any]:
+    """Return what, beside the code, makes a denoiser what it is, for checksums.
+
+    Parameters
+    ----------
+    name
+        Like :func:`make_denoiser`.
+
+    Returns
+    -------
+    list
+        Its kind, its options and, of a trained network, the checksum of its description, which
+        has those of all its files; not where these lie.
+
+    Raises
+    ------
+    ConfigError
+        Like :func:`make_denoiser`.
+    """
+    from gaia_uwb.checkpoint import DESCRIPTION, find_model
+
+    kind = name.partition(":")[0]
+    options = make_denoiser(name).options.model_dump()
+    model = options.pop("model", None)
+    if model is None:
+        return [kind, options]
+    description = (find_model(kind, model) / DESCRIPTION).read_bytes()
+    return [kind, options, hashlib.sha256(description).hexdigest()]

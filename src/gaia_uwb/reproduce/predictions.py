@@ -8,7 +8,6 @@ formed from what the file holds, so that a second call gives the same digits.
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
 import time
@@ -21,9 +20,8 @@ from zipfile import BadZipFile
 import numpy as np
 
 from gaia_uwb._typing import Array, Bool
-from gaia_uwb.checkpoint import DESCRIPTION, find_model
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.denoisers import make_denoiser
+from gaia_uwb.denoisers import denoiser_identity, make_denoiser
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.files import OutputFolder
@@ -260,7 +258,7 @@ def _labels(episodes: Sequence[Episode], solver: Solver) -> list[Bool[Array, "_ 
 
 
 def _key(episodes: Sequence[Episode], pieces: Pieces, solvers: Mapping[str, Solver]) -> str:
-    models = {p.denoiser: _model(p.denoiser) for own in pieces for p in own}
+    models = {p.denoiser: denoiser_identity(p.denoiser) for own in pieces for p in own}
     return digest_of(
         {
             "episodes": episodes_digest(episodes),
@@ -274,17 +272,6 @@ def _key(episodes: Sequence[Episode], pieces: Pieces, solvers: Mapping[str, Solv
             "code": code_digest(*_CODE, without=_NOT_FOLLOWED),
         }
     )
-
-
-def _model(denoiser: str) -> Any:
-    """Return a denoiser's options and, of a trained one, the checksums of its files."""
-    kind = denoiser.partition(":")[0]
-    options = make_denoiser(denoiser).options.model_dump()
-    model = options.pop("model", None)
-    if model is None:
-        return [kind, options]
-    description = (find_model(kind, model) / DESCRIPTION).read_bytes()  # with all checksums
-    return [kind, options, hashlib.sha256(description).hexdigest()]
 
 
 def _pack(
