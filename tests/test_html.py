@@ -56,6 +56,14 @@ def test_reconstruction_shows_the_verdict_and_every_anchor() -> None:
     assert seen.texts.count("cone-1") == 2
 
 
+def test_several_passes_are_all_named_and_drawn() -> None:
+    one = make_reconstruction()
+    both = replace(one, more_passes=((one.episode, one.denoised),))
+    seen = Seen(both._repr_html_())
+    assert seen.texts[0] == "a drive and 1 more"
+    assert seen.tags.count("polyline") == 2
+
+
 def test_hostile_names_stay_text() -> None:
     changed = {3: make_unlocated(HOSTILE[3])}
     hostile = make_reconstruction(anchor_ids=HOSTILE, name=HOSTILE[0], changed=changed)

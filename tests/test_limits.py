@@ -12,7 +12,9 @@ from factories import SQUARE_M, make_fix, make_reconstruction, make_unlocated
 from gaia_uwb.advice import Advice
 from gaia_uwb.episode import ClockOffset, RangeCalibration
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
-from gaia_uwb.limits import Limit, LimitKind, find_limits
+from gaia_uwb.fusion import NOT_ONE_ZONE
+from gaia_uwb.known_facts import AGAINST
+from gaia_uwb.limits import Limit, LimitKind, find_limits, limits_of_reasons
 from gaia_uwb.pipeline import Reconstruction
 
 LEVEL = {"tag_up_m": np.full(200, 1.5), "anchor_up_m": np.full(4, 1.0)}
@@ -110,6 +112,31 @@ def test_driving_slower_is_advised_to_who_drove_fast() -> None:
     assert Advice.SLOWER in found[LimitKind.FEW_RANGES].advice
 
 
+def test_moved_cones_and_passes_of_different_zones_ask_for_a_look() -> None:
+    fix = make_fix("cone-0", SQUARE_M[0], status=AnchorStatus.MOVED)
+    found = limits_of(make_reconstruction(changed={0: fix}))
+    assert "The passes place cone cone-0 apart" in found[LimitKind.MOVED].text
+    assert found[LimitKind.MOVED].advice == (Advice.CHECK_CONES,)
+    passes, statement = limits_of_reasons(
+        [f"{NOT_ONE_ZONE} 17 times", "something else", f'{AGAINST} "this", which is not used']
+    )
+    assert (passes.kind, passes.advice) == (LimitKind.PASSES, (Advice.CHECK_PASSES,))
+    assert (statement.kind, statement.advice) == (LimitKind.STATEMENT, (Advice.CHECK_STATEMENT,))
+    assert statement.text == 'The ranges speak against "this", which is not used.'
+
+
+def test_a_clock_that_nobody_knows_is_not_blamed_on_the_cones() -> None:
+    fixes = {k: make_fix(f"cone-{k}", SQUARE_M[k], status=AnchorStatus.ILL_CONDITIONED)
+             for k in range(4)}  # fmt: skip
+    reconstruction = make_reconstruction(changed=fixes)
+    unknown = ClockOffset(0.0, 0.5, applied=False, reason="too steady")
+    fast = {"t_s": reconstruction.episode.t_s / 5.0, "clock": unknown}
+    assert LimitKind.POOR_GEOMETRY in limits_of(reconstruction)
+    found = limits_of(reconstruction, **fast)
+    assert LimitKind.CLOCK in found
+    assert LimitKind.POOR_GEOMETRY not in found
+
+
 @pytest.mark.parametrize(("steps", "limited"), [(15, False), (40, True)])
 def test_gaps(steps: int, limited: bool) -> None:
     reconstruction = make_reconstruction()
@@ -119,7 +146,7 @@ def test_gaps(steps: int, limited: bool) -> None:
     found = limits_of(reconstruction, valid=valid, range_m=range_m)
     assert (LimitKind.GAPS in found) is limited
     if limited:
-        assert "cone-2 for 4.1 s in a row" in found[LimitKind.GAPS].text
+        assert "cone cone-2 could not be heard for 4.1 s in a row" in found[LimitKind.GAPS].text
 
 
 @pytest.mark.parametrize(("steps", "limited"), [(8, False), (40, True)])

@@ -13,6 +13,7 @@ from markdown_it import MarkdownIt
 from factories import SQUARE_M, make_fix, make_reconstruction, make_unlocated
 from gaia_uwb.advice import Advice
 from gaia_uwb.boundary_uncertainty import Region
+from gaia_uwb.config import make_config
 from gaia_uwb.episode import ClockOffset
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.people_report import people_report
@@ -92,6 +93,7 @@ def test_numbers_of_the_fit_are_those_of_the_ranges() -> None:
 def test_straight_run() -> None:
     parts = read(reconstruct(simulate_pass(PRESETS["straight"], seed=4)))
     assert parts[""].count("**Check before use.**") == 1
+    assert "- the side of the path on which 8 of 8 cones stand is not certain" in parts[""]
     assert "stand is not certain" in parts["What limited it"]
     assert "The path was straight" in parts["What limited it"]
     steps = parts["What would improve it"]
@@ -167,6 +169,17 @@ def test_real_run(outdoor_dir: Path) -> None:
         assert [float(row[2]), float(row[3])] == pytest.approx(anchor.position_m, abs=0.0051)
 
 
+def test_what_was_said_is_told_as_such() -> None:
+    scene = simulate_pass(PRESETS["straight"], seed=4)
+    told = read(reconstruct(scene, make_config({"prior": {"side": "left"}})))
+    assert "taken as given: all cones are on the left." in told["How sure it is"]
+    wrong = read(reconstruct(simulate_pass(PRESETS["lane-closure"], seed=0),
+                             make_config({"prior": {"side": "left"}})))  # fmt: skip
+    assert "taken as given" not in wrong["How sure it is"]
+    assert 'The ranges speak against "all cones are on the left"' in wrong["What limited it"]
+    assert wrong["What would improve it"].strip().startswith(f"1. {Advice.CHECK_STATEMENT}")
+
+
 def test_no_region_is_sure() -> None:
     result = reconstruct(simulate_pass(PRESETS["lane-closure"], seed=0))
     known = result.boundary_uncertainty
@@ -174,7 +187,7 @@ def test_no_region_is_sure() -> None:
     nothing = replace(known, inner=Region((), 0.0))
     result.__dict__["boundary_uncertainty"] = nothing
     sure = read(result)["How sure it is"]
-    assert "With 90 % probability no place is sure to be work zone, and with 90 %" in sure
+    assert "No place is work zone with 90 % probability, and with 90 %" in sure
 
 
 def test_reasons_that_no_check_knows_are_passed_on() -> None:
@@ -196,7 +209,7 @@ def test_clock_that_was_not_corrected() -> None:
     reconstruction = make_reconstruction()
     parts = read(replace(reconstruction, episode=replace(reconstruction.episode, clock=clock)))
     assert (
-        "taken as they are; they may differ by ± 0.82 s (90 % probability): this drive cannot"
+        "taken as they are; they may differ by ± 0.823 s (90 % probability): this drive cannot"
         in parts["How sure it is"]
     )
     assert Advice.ONE_CLOCK in parts["What would improve it"]

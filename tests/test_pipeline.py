@@ -126,9 +126,8 @@ def test_many_anchors_are_not_all_listed():
     cones = np.column_stack([np.linspace(2.0, 38.0, 8), np.full(8, 6.0)])
     config = RAW.model_copy(update={"solver": SolverConfig(ill_conditioned_above_m=1e-3)})
     result = reconstruct(make_scene(cones), config)
-    assert result.reasons[0].startswith(
-        "anchors cone-0, cone-1, cone-2, cone-3, cone-4 and 3 more: the ranges fix"
-    )
+    expected = "anchors cone-0, cone-1, cone-2, cone-3, cone-4 and 3 more: the ranges fix"
+    assert any(reason.startswith(expected) for reason in result.reasons)
 
 
 def test_what_cannot_be_done_is_said():

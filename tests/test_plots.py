@@ -149,8 +149,8 @@ def test_many_anchors_and_steps_cost_few_artists() -> None:
     circle_m = 15.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     figure = plot_reconstruction(make_reconstruction(circle_m, n_steps=2000))
     *_, upper, lower = figure.axes
-    assert len(upper.lines) == 14
-    assert len(lower.lines) == 8
+    assert len(upper.lines) == 2 * 28
+    assert len(lower.lines) == 28 + 1
     assert sum(len(np.asarray(line.get_xdata())) for line in upper.lines) < 300_000
     key = upper.get_legend()
     assert key is not None

@@ -63,6 +63,15 @@ def test_report_has_every_promised_key() -> None:
     assert report["metrics"] == {"anchor_mae": {"value": 0.08, "unit": "m", "n": 4}}
 
 
+def test_what_is_unknown_of_an_anchor_is_null() -> None:
+    there = np.array([1.0, 2.0])
+    fix = make_fix("A", there, mirror_position_m=there, range_bias_m=np.nan)
+    anchors = make_report(make_reconstruction(changed={0: fix}))["anchors"]
+    assert isinstance(anchors, list)
+    for name in ("mirror_east_m", "mirror_north_m", "mirror_covariance_m2", "range_bias_m"):
+        assert anchors[0][name] is None
+
+
 def test_report_of_an_anchor() -> None:
     fix = make_fix("A", np.array([1.0, 2.0]), mirror_position_m=np.array([1.0, -10.0]))
     anchors = make_report(make_reconstruction(changed={0: fix}))["anchors"]

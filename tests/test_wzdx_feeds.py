@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from factories import make_fix, make_reconstruction, make_unlocated
+from gaia_uwb.config import make_config
 from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.pipeline import Reconstruction
@@ -167,6 +169,10 @@ def test_positions_are_verified_where_the_end_cones_are_known_well() -> None:
     assert verified(zone_pass(ROAD_M, (CONES[0], ambiguous))) == (False, True)
     assert verified(zone_pass(ROAD_M, CONES, reasons=("the clocks: x",))) == (False, False)
     assert verified(zone_pass(ROAD_M, CONES), start_position="estimated") == (False, True)
+    told = replace(zone_pass(ROAD_M, CONES), config=make_config({"prior": {"side": "left"}}))
+    assert verified(told) == (False, False)
+    description = event(feeds_of(told, feed_config()))["properties"]["core_details"]["description"]
+    assert "Stated, not measured: all cones are on the left." in description
 
 
 def test_doubts_reach_the_reader() -> None:

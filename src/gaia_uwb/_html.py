@@ -82,8 +82,7 @@ def summary(
 
 
 def sketch(
-    path_m: Float64[Array, "T 2"],
-    *,
+    *paths_m: Float64[Array, "_ 2"],
     area_m: Float64[Array, "K 2"] | None = None,
     marks: Sequence[Mark] = (),
 ) -> str:
@@ -91,14 +90,15 @@ def sketch(
 
     Parameters
     ----------
-    path_m : (T, 2)
-        The vehicle's path, in metres.
+    paths_m : (T, 2)
+        The path of each drive, in metres; at least one.
     area_m : (K, 2), optional
         Corners of an area, filled.
     marks
-        Places; the picture shows them all, and of the path what is near.
+        Places; the picture shows them all, and of the paths what is near.
     """
-    shown_m = np.array([mark.place_m for mark in marks]).reshape(-1, 2) if marks else path_m
+    shown_m = np.array([mark.place_m for mark in marks]).reshape(-1, 2)
+    shown_m = shown_m if marks else np.concatenate(paths_m)
     low_m, high_m = shown_m.min(axis=0), shown_m.max(axis=0)
     room = np.array([_WIDTH, _HEIGHT]) - 2.0 * _MARGIN
     scale = float(np.min(room / np.maximum(high_m - low_m, 1.0)))
@@ -112,12 +112,13 @@ def sketch(
     if area_m is not None and len(area_m) > 2:
         corners = _points(pixels(area_m))
         parts.append(f'<polygon points="{corners}" fill="{_ZONE}" fill-opacity="0.5"/>')
-    thinned_m = path_m[:: max(1, -(-len(path_m) // _MOST_POINTS))]
-    inside = np.clip(pixels(thinned_m), -2000.0, 2000.0)
-    parts.append(
-        f'<polyline points="{_points(inside)}" fill="none" stroke="currentColor" '
-        'stroke-opacity="0.55" stroke-width="1.5"/>'
-    )
+    for path_m in paths_m:
+        thinned_m = path_m[:: max(1, -(-len(path_m) // _MOST_POINTS))]
+        inside = np.clip(pixels(thinned_m), -2000.0, 2000.0)
+        parts.append(
+            f'<polyline points="{_points(inside)}" fill="none" stroke="currentColor" '
+            'stroke-opacity="0.55" stroke-width="1.5"/>'
+        )
     places = pixels(np.array([mark.place_m for mark in marks]).reshape(-1, 2))
     parts += [_mark(mark, at, scale) for mark, at in zip(marks, places, strict=True)]
     return (

@@ -12,6 +12,18 @@ class Advice(StrEnum):
         "Check the log first: the unit of the ranges, the ids of the cones, the heights, and that "
         "both clocks belong to the same drive."
     )
+    CHECK_STATEMENT = (
+        "Check what was said of the zone (`--side`, `--closure`, `--spacing`, `--known-anchor`), "
+        "and the ids of the cones."
+    )
+    CHECK_PASSES = (
+        "Check that all logs are of this zone and in one frame, and that each cone has the same id "
+        "in all of them."
+    )
+    CHECK_CONES = (
+        "Find out whether these cones were moved between the passes; if so, give the passes after "
+        "that only."
+    )
     SECOND_DRIVE = (
         "Drive past a second time in another lane, or along the other side of the work zone: "
         "ranges from two lines tell the sides apart and fix the cones in both directions."

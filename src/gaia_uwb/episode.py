@@ -272,6 +272,16 @@ class Episode:
         """Number of anchors N."""
         return len(self.anchor_ids)
 
+    @property
+    def usual_speed_mps(self) -> float:
+        """Median speed over the steps at which a range came in, in metres per second."""
+        heard = np.asarray(self.valid.any(axis=1))[1:]
+        if not heard.any():
+            return 0.0
+        moved_m = np.diff(self.position_m, axis=0)
+        speed_mps = np.hypot(moved_m[:, 0], moved_m[:, 1]) / np.diff(self.t_s)
+        return float(np.median(speed_mps[heard]))
+
     def height_gap_m(self, anchors: slice = slice(None)) -> Float64[Array, "T n"]:
         """Return the tag antenna's height minus the anchors', in metres; 0 where unknown.
 

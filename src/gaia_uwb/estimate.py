@@ -71,7 +71,8 @@ class AnchorFix:
     n_ranges
         Number of ranges used.
     range_bias_m
-        Estimated bias of this anchor's ranges (measured minus true), in metres.
+        Estimated bias of this anchor's ranges (measured minus true), in metres; NaN where none was
+        estimated.
     mirror_covariance_m2 : (2, 2), optional
         Covariance of ``mirror_position_m`` given that the anchor stands there, in square metres;
         NaN where it is unknown.
@@ -121,6 +122,14 @@ class AnchorFix:
                 f"anchor {self.anchor_id!r}: expected a probability, got {self.mirror_probability}",
                 column="mirror_probability",
             )
+
+    @property
+    def has_mirror(self) -> bool:
+        """Whether there is another place; on a winding path both may be one."""
+        return bool(
+            np.isfinite(self.mirror_position_m).all()
+            and (self.mirror_position_m != self.position_m).any()
+        )
 
     @property
     def semi_axes_90_m(self) -> tuple[float, float]:

@@ -35,6 +35,9 @@ from gaia_uwb.joint_fit import Heard, JointFit, LocatedPass, TwoPlaces, hear
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.zone_passes import all_anchors
 
+NOT_ONE_ZONE = "the passes differ by"
+"""How the reason begins that doubts that the passes are of one zone."""
+
 _MOVED_SIGMA = 5.0  # the level of the test for moved anchors, as a one-sided normal quantile
 _MOVED_M = 0.5  # passes that place an anchor nearer to each other than this agree
 _NOT_ONE_FRAME = 6.0  # a scale of the errors that no radio explains
@@ -92,7 +95,7 @@ class Fused:
             )
         if self.error_scale > _NOT_ONE_FRAME:
             yield (
-                f"the passes differ by {self.error_scale:.0f} times their standard errors over "
+                f"{NOT_ONE_ZONE} {self.error_scale:.0f} times their standard errors over "
                 "most anchors: check that they are of one zone, in one frame and with the same ids"
             )
 

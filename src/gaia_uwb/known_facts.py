@@ -30,6 +30,9 @@ from gaia_uwb.locate import Hypotheses
 from gaia_uwb.projection import to_local
 from gaia_uwb.scene import LocalFrame
 
+AGAINST, EXCEPT = "the ranges speak against", "the ranges put"
+"""How the reasons begin that speak against what was said, and name exceptions from it."""
+
 _CONTRADICTED = 1.0 / 20.0  # Bayes factor below which a statement is reported as wrong
 _ANYWHERE_M2 = np.pi * 100.0**2  # where a cone may be whose surveyed place is wrong
 _CONSISTENT = 13.8  # squared distance in standard deviations: 99.9 % of two coordinates are nearer
@@ -69,7 +72,7 @@ class Statement:
         if factor >= _CONTRADICTED:
             return None
         return (
-            f'the ranges speak against "{self.words}", which is not used: they are '
+            f'{AGAINST} "{self.words}", which is not used: they are at least '
             f"{1.0 / factor:.0f} times likelier without it"
         )
 
@@ -151,27 +154,24 @@ class KnownFacts:
             covariance_m2 = (hypotheses.covariance_m2 * hypotheses.factor()[:, None])[located]
             left = self._left(hypotheses.position_m[located], covariance_m2)
             left = left[np.arange(len(located)), side]
+        words = said_words(prior)
         if prior.side is not None:
             said = self._one_side(left if prior.side == "left" else 1.0 - left)
-            found.append(self._statement(f"all cones are on the {prior.side}", "side", said))
-        if prior.closure is not None and prior.closure != "median-crossover":
+            found.append(self._statement(words["side"], "side", said))
+        if "closure" in words:
             both = np.logaddexp(self._one_side(left), self._one_side(1.0 - left)) - np.log(2.0)
-            found.append(
-                self._statement(f"a {prior.closure}: all cones on one side", "closure", both)
-            )
+            found.append(self._statement(words["closure"], "closure", both))
         if prior.spacing_m is not None:
-            words = f"neighbouring cones stand {prior.spacing_m:g} m apart"
-            found.append(
-                self._statement(words, "spacing_m", self._spaced(hypotheses, located, side))
-            )
+            spaced = self._spaced(hypotheses, located, side)
+            found.append(self._statement(words["spacing_m"], "spacing_m", spaced))
         for index, (survey_m, sigma_m) in self.surveyed.items():
             if index in located:
                 column = int(np.flatnonzero(located == index)[0])
                 distance2, log_det = _misfit(hypotheses, index, survey_m, sigma_m)
                 log_density = -0.5 * (distance2 + log_det) - np.log(2.0 * np.pi)
                 ratio = (log_density + np.log(_ANYWHERE_M2))[side[:, column]]
-                words = f"anchor {self.anchor_ids[index]} stands where it was surveyed"
-                found.append(self._statement(words, index, ratio))
+                surveyed = words[f"known_anchors.{self.anchor_ids[index]}"]
+                found.append(self._statement(surveyed, index, ratio))
         return found
 
     def borne_out(
@@ -241,7 +241,7 @@ class KnownFacts:
         other = "right" if side == "left" else "left"
         more = f" and {len(wrong) - 5} more" if len(wrong) > 5 else ""
         names = f"{', '.join(wrong[:5])}{more}"
-        return (f"the ranges put {names} on the {other}; all cones were said to be on the {side}",)
+        return (f"{EXCEPT} {names} on the {other}; all cones were said to be on the {side}",)
 
     def _statement(
         self, words: str, setting: str | int, log_ratio: Float64[Array, "K"]
@@ -387,6 +387,32 @@ class KnownFacts:
             covariance = prior - gain @ slope @ prior
         blocks = covariance.reshape(m, 2, m, 2)[np.arange(m), :, np.arange(m)]
         return now.reshape(-1, 2), np.asarray(0.5 * (blocks + np.swapaxes(blocks, 1, 2)))
+
+
+def said_words(prior: PriorConfig) -> dict[str, str]:
+    """Return what was said of a zone in words, by setting; a surveyed anchor has one of its own.
+
+    Parameters
+    ----------
+    prior
+        What was said.
+
+    Examples
+    --------
+    >>> said_words(PriorConfig(side="left", spacing_m=9.0))
+    {'side': 'all cones are on the left', 'spacing_m': 'neighbouring cones stand 9 m apart'}
+    """
+    words = {}
+    if prior.side is not None:
+        words["side"] = f"all cones are on the {prior.side}"
+    if prior.closure is not None and prior.closure != "median-crossover":
+        words["closure"] = f"a {prior.closure}: all cones on one side"
+    if prior.spacing_m is not None:
+        words["spacing_m"] = f"neighbouring cones stand {prior.spacing_m:g} m apart"
+    for known in prior.known_anchors:
+        surveyed = f"anchor {known.anchor_id} stands where it was surveyed"
+        words[f"known_anchors.{known.anchor_id}"] = surveyed
+    return words
 
 
 def _surveyed_place(known: KnownAnchor, frame: LocalFrame | None) -> Float64[Array, "2"]:

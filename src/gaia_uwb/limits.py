@@ -19,6 +19,8 @@ from gaia_uwb.advice import Advice
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
+from gaia_uwb.fusion import NOT_ONE_ZONE
+from gaia_uwb.known_facts import AGAINST, EXCEPT
 from gaia_uwb.residuals import range_residual_m
 
 SIGMAS_90 = 1.645
@@ -44,6 +46,7 @@ class LimitKind(StrEnum):
     MISFIT = "misfit"
     CLOCK = "clock"
     SHORT_PATH = "short-path"
+    MOVED = "moved"
     UNKNOWN_SIDE = "unknown-side"
     POOR_GEOMETRY = "poor-geometry"
     NOT_SETTLED = "not-settled"
@@ -54,6 +57,8 @@ class LimitKind(StrEnum):
     RANGE_BIAS = "range-bias"
     HEIGHTS = "heights"
     FEW_CONES = "few-cones"
+    STATEMENT = "statement"
+    PASSES = "passes"
 
 
 @dataclass(frozen=True)
@@ -105,10 +110,35 @@ def find_limits(
     """
     look = _Look(episode, tuple(anchors), config, name)
     checks: tuple[Callable[[_Look], Iterable[Limit]], ...] = (
-        _misfit, _clock, _short_path, _unknown_side, _poor_geometry, _not_settled, _lost,
-        _few_ranges, _gaps, _blocked, _range_bias, _heights, _few_cones,
+        _misfit, _clock, _short_path, _moved, _unknown_side, _poor_geometry, _not_settled,
+        _lost, _few_ranges, _gaps, _blocked, _range_bias, _heights, _few_cones,
     )  # fmt: skip
     return tuple(limit for check in checks for limit in check(look))
+
+
+def limits_of_reasons(
+    reasons: Sequence[str], *, name: Callable[[str], str] = printable
+) -> tuple[Limit, ...]:
+    """Say what limited a reconstruction beside its log: what was said of it, passes that disagree.
+
+    Parameters
+    ----------
+    reasons
+        Of the reconstruction.
+    name
+        How a text is written, so that a file's own marks can be escaped.
+    """
+    kinds = (
+        (AGAINST, LimitKind.STATEMENT, Advice.CHECK_STATEMENT),
+        (EXCEPT, LimitKind.STATEMENT, Advice.CHECK_STATEMENT),
+        (NOT_ONE_ZONE, LimitKind.PASSES, Advice.CHECK_PASSES),
+    )
+    return tuple(
+        Limit(kind, f"{name(reason[:1].upper() + reason[1:])}.", (advice,))
+        for reason in reasons
+        for start, kind, advice in kinds
+        if reason.startswith(start)
+    )
 
 
 def metres(value_m: float) -> str:
@@ -173,14 +203,6 @@ class _Look:
         return range_residual_m(self.episode, self.anchors)
 
     @cached_property
-    def speed_mps(self) -> float:
-        """The usual speed while ranges came in."""
-        step_s = np.diff(self.episode.t_s)
-        speed_mps = np.hypot(*np.diff(self.episode.position_m, axis=0).T) / step_s
-        heard = np.asarray(self.episode.valid.any(axis=1))[1:]
-        return float(np.median(speed_mps[heard])) if heard.any() else 0.0
-
-    @cached_property
     def strip_m(self) -> tuple[float, float]:
         """Length and width of the strip that holds the path on which ranges came in."""
         path_m = self.episode.position_m[self.episode.valid.any(axis=1)]
@@ -203,12 +225,12 @@ def _misfit(look: _Look) -> Iterator[Limit]:
 def _clock(look: _Look) -> Iterator[Limit]:
     clock = look.episode.clock
     sure_s = 0.0 if clock is None else SIGMAS_90 * clock.sigma_s
-    shift_m = look.speed_mps * sure_s
+    shift_m = look.episode.usual_speed_mps * sure_s
     if shift_m <= _CLOCK_SHIFT_M:
         return
     text = (
         f"How far the clocks of ranges and positions differ is known to ± {sure_s:.2f} s only "
-        f"(90 % probability). At the usual speed of {look.speed_mps:.1f} m/s that is "
+        f"(90 % probability). At the usual speed of {look.episode.usual_speed_mps:.1f} m/s that is "
         f"± {metres(shift_m)} along the road, for all cones together."
     )
     yield Limit(LimitKind.CLOCK, text, (Advice.BOTH_WAYS, Advice.ONE_CLOCK))
@@ -247,7 +269,9 @@ def _unknown_side(look: _Look) -> Iterator[Limit]:
 def _poor_geometry(look: _Look) -> Iterator[Limit]:
     poor = look.of_status(AnchorStatus.ILL_CONDITIONED)
     known = [anchor for anchor in poor if np.isfinite(anchor.semi_axes_90_m[0])]
-    if not poor:
+    clock = look.episode.clock
+    shift_m = 0.0 if clock is None else clock.sigma_s * look.episode.usual_speed_mps
+    if not poor or shift_m > look.config.solver.ill_conditioned_above_m:  # said of the clock
         return
     text = f"The ranges fix {look.cones(poor)} poorly in at least one direction"
     if known:
@@ -260,6 +284,16 @@ def _poor_geometry(look: _Look) -> Iterator[Limit]:
     yield Limit(LimitKind.POOR_GEOMETRY, f"{text}.", (Advice.SECOND_DRIVE, Advice.LONGER))
 
 
+def _moved(look: _Look) -> Iterator[Limit]:
+    moved = look.of_status(AnchorStatus.MOVED)
+    if moved:
+        text = (
+            f"The passes place {look.cones(moved)} apart by more than their errors: perhaps "
+            f"{'it was' if len(moved) == 1 else 'they were'} moved between them."
+        )
+        yield Limit(LimitKind.MOVED, text, (Advice.CHECK_CONES,))
+
+
 def _not_settled(look: _Look) -> Iterator[Limit]:
     stopped = look.of_status(AnchorStatus.NOT_CONVERGED)
     if stopped:
@@ -268,7 +302,7 @@ def _not_settled(look: _Look) -> Iterator[Limit]:
 
 
 def _pace(look: _Look) -> tuple[Advice, ...]:
-    return (Advice.SLOWER,) if look.speed_mps > _FAST_MPS else ()
+    return (Advice.SLOWER,) if look.episode.usual_speed_mps > _FAST_MPS else ()
 
 
 def _lost(look: _Look) -> Iterator[Limit]:
@@ -287,10 +321,8 @@ def _few_ranges(look: _Look) -> Iterator[Limit]:
     few = [a for a in look.anchors if a.status.has_position and a.n_ranges < _FEW_RANGES]
     if few:
         least = min(few, key=lambda anchor: anchor.n_ranges)
-        text = (
-            f"Few ranges came from {look.cones(few)}: {least.n_ranges} from "
-            f"{look.name(least.anchor_id)}."
-        )
+        whose = "" if len(few) == 1 else f" from {look.name(least.anchor_id)}"
+        text = f"Few ranges came from {look.cones(few)}: {least.n_ranges}{whose}."
         yield Limit(LimitKind.FEW_RANGES, text, (Advice.CHECK_RADIOS, *_pace(look)))
 
 
@@ -305,9 +337,10 @@ def _gaps(look: _Look) -> Iterator[Limit]:
                 gaps.append((longest_s, anchor))
     if gaps:
         longest_s, worst = max(gaps, key=lambda gap: gap[0])
+        which = "" if len(gaps) == 1 else f" a while, {look.name(worst.anchor_id)} for"
         text = (
             f"Between the first and the last range, {look.cones([a for _, a in gaps])} could not "
-            f"be heard for a while, {look.name(worst.anchor_id)} for {longest_s:.1f} s in a row."
+            f"be heard for{which} {longest_s:.1f} s in a row."
         )
         yield Limit(LimitKind.GAPS, text, (Advice.LINE_OF_SIGHT, *_pace(look)))
 

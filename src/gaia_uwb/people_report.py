@@ -16,7 +16,7 @@ from gaia_uwb._typing import Array, Float64
 from gaia_uwb.advice import Advice
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, BoundaryStatus
-from gaia_uwb.limits import SIGMAS_90, Limit, find_limits, metres, percent
+from gaia_uwb.limits import SIGMAS_90, Limit, find_limits, limits_of_reasons, metres, percent
 from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
 from gaia_uwb.projection import to_geodetic
 from gaia_uwb.residuals import range_residual_m
@@ -87,12 +87,27 @@ def _summary(reconstruction: Reconstruction) -> Iterator[str]:
     good = reconstruction.status is ReconstructionStatus.OK
     verdict = "Reliable." if good else "Check before use."
     yield f"**{verdict}** {located} of {len(reconstruction.anchors)} cones were located. {area}"
-    # What is wrong with single cones is said below, in plainer words and with numbers.
+    # What is wrong with single cones is said here in plainer words, and below with numbers.
     known = tuple(status.message for status in AnchorStatus)
     others = [reason for reason in reconstruction.reasons if not reason.endswith(known)]
-    if others:
+    if reconstruction.reasons:
         yield "It needs a check because of:"
-        yield _bullets([in_markdown(reason) for reason in others])
+        yield _bullets([*map(in_markdown, others), *_doubtful_cones(reconstruction.anchors)])
+
+
+def _doubtful_cones(anchors: Sequence[AnchorFix]) -> Iterator[str]:
+    """Count the cones that are not simply located."""
+    undecided = sum(anchor.side_is_open for anchor in anchors)
+    if undecided:
+        yield f"the side of the path on which {_of_all(undecided, anchors)} stand is not certain"
+    for status, state in _STATES.items():
+        count = sum(anchor.status is status for anchor in anchors)
+        if count and status not in (AnchorStatus.OK, AnchorStatus.AMBIGUOUS):
+            yield f"{_of_all(count, anchors)}: {state}"
+
+
+def _of_all(count: int, anchors: Sequence[AnchorFix]) -> str:
+    return f"{count} of {len(anchors)} cones"
 
 
 def _all_limits(reconstruction: Reconstruction) -> list[Limit]:
@@ -104,12 +119,13 @@ def _all_limits(reconstruction: Reconstruction) -> list[Limit]:
         for limit in find_limits(episode, anchors, config, name=in_markdown)
     ]
     said = [limit for _, limit in found]
-    return [
+    of_logs = [
         limit if said.count(limit) == len(reconstruction.passes)
         else replace(limit, text=f"In {name}: {limit.text}")
         for k, (name, limit) in enumerate(found)
         if limit not in said[:k]
     ]  # fmt: skip
+    return [*limits_of_reasons(reconstruction.reasons, name=in_markdown), *of_logs]
 
 
 def _residual_m(reconstruction: Reconstruction) -> Float64[Array, "T N"]:
@@ -172,6 +188,12 @@ def _sureness(reconstruction: Reconstruction) -> Iterator[str]:
             f"has {'' if doubt.mirror_probability < 0.01 else 'at most '}"
             f"{percent(doubt.mirror_probability)} probability ({in_markdown(doubt.anchor_id)})."
         )
+    if reconstruction.stated:
+        yield (
+            f"What was said of the zone was taken as given: "
+            f"{'; '.join(map(in_markdown, reconstruction.stated))}. Sides and places rest on that "
+            "as well as on the ranges; if it is wrong, so may they be."
+        )
     residual_m = _residual_m(reconstruction)
     misfit_m = residual_m[np.isfinite(residual_m)]
     if misfit_m.size:
@@ -196,12 +218,15 @@ def _regions(reconstruction: Reconstruction) -> Iterator[str]:
         return
     sure, outer = percent(found.probability), _square_metres(found.outer.area_m2)
     if found.inner.area_m2 > 0.0:
-        inner = f"all of a region of {_square_metres(found.inner.area_m2)} is work zone"
+        inner = (
+            f"With {sure} probability all of a region of {_square_metres(found.inner.area_m2)} is "
+            "work zone"
+        )
     else:
-        inner = "no place is sure to be work zone"
+        inner = f"No place is work zone with {sure} probability"
     yield (
-        f"With {sure} probability {inner}, and with {sure} probability none of the work zone lies "
-        f"outside a region of {outer}; the map shows both."
+        f"{inner}, and with {sure} probability none of the work zone lies outside a region of "
+        f"{outer}; the map shows both."
     )
 
 
@@ -217,7 +242,7 @@ def _corrections(episode: Episode) -> Iterator[str]:
     elif clock is not None and clock.sigma_s > _SMALL_S:
         yield (
             "The time stamps of ranges and positions were taken as they are; they may differ by "
-            f"± {SIGMAS_90 * clock.sigma_s:.2f} s (90 % probability): "
+            f"± {max(SIGMAS_90 * clock.sigma_s, 0.001):.3f} s (90 % probability): "
             f"{in_markdown(clock.reason)}."
         )
     bias_m = 0.0 if found is None else float(found.bias[0])

@@ -30,7 +30,7 @@ from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus
 from gaia_uwb.fusion import fuse, mark_moved
 from gaia_uwb.geometry import make_boundary
 from gaia_uwb.joint_fit import LocatedPass
-from gaia_uwb.known_facts import KnownFacts
+from gaia_uwb.known_facts import AGAINST, KnownFacts, said_words
 from gaia_uwb.locate import Hypotheses, locate
 from gaia_uwb.scene import Scene
 from gaia_uwb.scene_samples import sample_scenes
@@ -105,6 +105,13 @@ class Reconstruction:
         return ((self.episode, self.denoised), *self.more_passes)
 
     @property
+    def stated(self) -> tuple[str, ...]:
+        """What was said of the zone beforehand and went into the result, in words."""
+        words = said_words(self.config.prior).values()
+        against = [reason for reason in self.reasons if reason.startswith(AGAINST)]
+        return tuple(said for said in words if not any(f'"{said}"' in each for each in against))
+
+    @property
     def name(self) -> str:
         """What to call the result: the name of the pass, or of the first and how many more."""
         more = len(self.more_passes)
@@ -124,10 +131,11 @@ class Reconstruction:
             Mark(a.anchor_id, a.position_m, a.covariance_m2, good=a.status is AnchorStatus.OK)
             for a in located
         ]
-        picture = sketch(self.episode.position_m, area_m=self.boundary.hull_m, marks=marks)
+        paths_m = [episode.position_m for episode, _ in self.passes]
+        picture = sketch(*paths_m, area_m=self.boundary.hull_m, marks=marks)
         head = ("anchor", "status", "east (m)", "north (m)", "± (m, 90 %)", "other side", "ranges")
         rows = [_html_row(anchor) for anchor in self.anchors]
-        return summary(self.episode.name, facts, picture, head=head, rows=rows)
+        return summary(self.name, facts, picture, head=head, rows=rows)
 
 
 def _html_row(anchor: AnchorFix) -> list[str]:
@@ -352,7 +360,10 @@ def _decide(
 def _log_reasons(episode: Episode, config: PipelineConfig) -> Iterator[str]:
     """Say in words what is wrong with the whole log: its clocks, or the size of its errors."""
     clock, found = episode.clock, episode.calibration
-    if clock is not None and clock.sigma_s > config.alignment.clock_offset_sigma_s:
+    if clock is not None and (
+        clock.sigma_s > config.alignment.clock_offset_sigma_s
+        or clock.sigma_s * episode.usual_speed_mps > config.solver.ill_conditioned_above_m
+    ):
         yield f"the clocks: {clock.reason}"
     if found is None:
         return

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 # Okabe and Ito's palette for all kinds of colour vision, without its yellow, which paper swallows.
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#000000")
+_DASHES = ("-", "--", ":", "-.")
 _INNER, _OUTER = "#009E73", "#7A4FA3"
 _PATH, _ZONE, _WARNING, _INK = "#9A9A9A", "#F0E442", "#B3400A", "#222222"
 
@@ -143,7 +144,7 @@ class _Cones:
         mirror_m2 = np.array([f.mirror_covariance_m2 for f in mirrored]).reshape(-1, 2, 2)
         return cls(
             names=[f.anchor_id for _, f in fixes],
-            colours=[_COLOURS[k % len(_COLOURS)] for k, _ in fixes],
+            colours=[_look(k)[0] for k, _ in fixes],
             position_m=position_m,
             ellipse_m=position_m[:, None] + _ellipses(covariance_m2),
             mirror_m=both_m,
@@ -269,11 +270,13 @@ def _draw_ranges(figure: Figure, reconstruction: Reconstruction) -> None:
     change_m, bound_m = _bounded(raw_m - clean_m)
     dots: dict[str, Any] = {"ls": "", "marker": ".", "ms": 3.5, "mew": 0, "alpha": 0.5}
     dots["rasterized"] = True  # in an SVG: tens of thousands of them are no drawing to edit
-    for first, colour in enumerate(_COLOURS[: episode.n_anchors]):
-        same = slice(first, None, len(_COLOURS))
+    n_looks = len(_COLOURS) * len(_DASHES)
+    for first in range(min(episode.n_anchors, n_looks)):
+        same = slice(first, None, n_looks)
+        colour, dashes = _look(first)
         time_s = np.tile(t_s, raw_m[:, same].shape[1])
         upper.plot(time_s, _joined(raw_m[:, same]), color=colour, **dots)
-        upper.plot(time_s, _joined(clean_m[:, same]), color=colour, lw=1.0)
+        upper.plot(time_s, _joined(clean_m[:, same]), color=colour, ls=dashes, lw=1.0)
         lower.plot(time_s, _joined(change_m[:, same]), color=colour, **dots)
     lower.axhline(0.0, color=_INK, lw=0.6)
     for start_s in starts_s(episodes)[1:]:
@@ -291,6 +294,11 @@ def _draw_ranges(figure: Figure, reconstruction: Reconstruction) -> None:
     _tidy(upper)
     _tidy(lower)
     _name_colours(upper, episode.anchor_ids)
+
+
+def _look(k: int) -> tuple[str, str]:
+    """Return colour and dashes of the k-th anchor's curve."""
+    return _COLOURS[k % len(_COLOURS)], _DASHES[k // len(_COLOURS) % len(_DASHES)]
 
 
 def _bounded(change_m: Float64[Array, "T N"]) -> tuple[Float64[Array, "T N"], float]:
@@ -314,7 +322,8 @@ def _name_colours(axes: Axes, anchor_ids: Sequence[str]) -> None:
     ]
     names = ["raw", "denoised"]
     for k, anchor_id in enumerate(anchor_ids[:_MOST_NAMES]):
-        handles.append(Line2D([], [], color=_COLOURS[k % len(_COLOURS)], lw=4))
+        colour, dashes = _look(k)
+        handles.append(Line2D([], [], color=colour, ls=dashes, lw=4 if dashes == "-" else 2))
         names.append(_shortened(anchor_id, 14))
     if len(anchor_ids) > _MOST_NAMES:
         handles.append(Line2D([], [], ls=""))

@@ -34,6 +34,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gaia_uwb._typing import Array, Float64
 from gaia_uwb.boundary_uncertainty import BoundaryUncertainty
 from gaia_uwb.config import dump_config
 from gaia_uwb.episode import DenoisedRanges, Episode, RangeCalibration
@@ -89,6 +90,7 @@ def make_report(
         "scene": reconstruction.name,
         "status": reconstruction.status.value,
         "reasons": list(reconstruction.reasons),
+        "stated": list(reconstruction.stated),
         **_errors(alone),
         "passes": [
             {"name": e.name, "n_ranges": int(ranges.valid.sum()), **_errors(e)}
@@ -230,7 +232,7 @@ def _anchors(reconstruction: Reconstruction) -> list[Json]:
 
 
 def _anchor(anchor: AnchorFix, lon: float, lat: float) -> Json:
-    covariance_m2, mirror_m2 = anchor.covariance_m2, anchor.mirror_covariance_m2
+    covariance_m2, (mirror_m, mirror_m2) = anchor.covariance_m2, _mirror(anchor)
     return {
         "id": anchor.anchor_id,
         "east_m": _finite(anchor.position_m[0]),
@@ -240,13 +242,20 @@ def _anchor(anchor: AnchorFix, lon: float, lat: float) -> Json:
         "covariance_m2": covariance_m2.tolist() if np.isfinite(covariance_m2).all() else None,
         "mirror_probability": anchor.mirror_probability,
         "side_is_open": anchor.side_is_open,
-        "mirror_east_m": _finite(anchor.mirror_position_m[0]),
-        "mirror_north_m": _finite(anchor.mirror_position_m[1]),
+        "mirror_east_m": _finite(mirror_m[0]),
+        "mirror_north_m": _finite(mirror_m[1]),
         "mirror_covariance_m2": mirror_m2.tolist() if np.isfinite(mirror_m2).all() else None,
         "status": anchor.status.value,
         "n_ranges": anchor.n_ranges,
         "range_bias_m": _finite(anchor.range_bias_m),
     }
+
+
+def _mirror(anchor: AnchorFix) -> tuple[Float64[Array, "2"], Float64[Array, "2 2"]]:
+    """Return the other place and its covariance; NaN where there is none."""
+    if anchor.has_mirror:
+        return anchor.mirror_position_m, anchor.mirror_covariance_m2
+    return np.full(2, np.nan), np.full((2, 2), np.nan)
 
 
 def _finite(value: float) -> float | None:
@@ -258,9 +267,10 @@ def _write_anchors(reconstruction: Reconstruction, path: Path) -> None:
 
     anchors = reconstruction.anchors
     position_m = np.array([anchor.position_m for anchor in anchors])
-    mirror_m = np.array([anchor.mirror_position_m for anchor in anchors])
     covariance_m2 = np.array([anchor.covariance_m2 for anchor in anchors])
-    mirror_m2 = np.array([anchor.mirror_covariance_m2 for anchor in anchors])
+    mirrors = [_mirror(anchor) for anchor in anchors]
+    mirror_m = np.array([place_m for place_m, _ in mirrors])
+    mirror_m2 = np.array([covariance for _, covariance in mirrors])
     places = lon_lat(reconstruction.episode.frame, position_m).round(9)
     table = pl.DataFrame(
         {

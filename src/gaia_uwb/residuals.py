@@ -44,7 +44,7 @@ def range_residual_m(episode: Episode, anchors: Sequence[AnchorFix]) -> Float64[
     [[0.2], [0.0]]
     """
     place_m = np.stack([anchor.position_m for anchor in anchors])
-    bias_m = np.array([anchor.range_bias_m for anchor in anchors])
+    bias_m = np.nan_to_num([anchor.range_bias_m for anchor in anchors])
     away_m = episode.position_m[:, None] - place_m
     slant_m = np.sqrt((away_m**2).sum(axis=-1) + episode.height_gap_m() ** 2)
     return np.asarray(episode.range_m - slant_m - np.nan_to_num(bias_m))

@@ -186,6 +186,7 @@ def _fix(
         mirror_probability=mirror,
         status=status_of(covariance_m2, mirror, True, config, solver),
         n_ranges=n_ranges,
+        range_bias_m=np.nan,
         mirror_covariance_m2=choice.hypotheses.covariance_m2[n, other],
         side_is_open=mirror > config.ambiguous_above,
     )

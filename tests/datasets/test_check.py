@@ -141,7 +141,7 @@ def test_notes_what_is_unknown() -> None:
         "ranges.csv: sorted",
         "the trajectory has a gap of 12.6 s",
         "not all heights are known: ranges count as horizontal where one is missing",
-        "the place on Earth is unknown: there will be no map",
+        "the place on Earth is unknown: results are in local metres, and there can be no feed",
         "no surveyed anchors: nothing to score against",
     )
 
@@ -168,7 +168,8 @@ def test_lines_are_text_for_people() -> None:
         "  c               17.0 m   356°     0.5   told",
         "  DOP: metres that a place errs per metre of range error that lasts; 2 is good, above 5 "
         "poor",
-        "  note: the place on Earth is unknown: there will be no map",
+        "  note: the place on Earth is unknown: results are in local metres, and there can be no "
+        "feed",
         "  no problems found",
     ]
 

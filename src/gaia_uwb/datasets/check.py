@@ -344,6 +344,6 @@ def _notes(scene: Scene, drive: DriveCheck, anchors: tuple[AnchorCheck, ...]) ->
     if scene.trajectory.up_m is None or heights is None or np.isnan(heights).any():
         yield "not all heights are known: ranges count as horizontal where one is missing"
     if scene.frame is None:
-        yield "the place on Earth is unknown: there will be no map"
+        yield "the place on Earth is unknown: results are in local metres, and there can be no feed"
     if scene.truth is None:
         yield "no surveyed anchors: nothing to score against"

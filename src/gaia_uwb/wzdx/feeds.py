@@ -239,6 +239,8 @@ class _Writer:
         n = len(self.cones)
         words = [self.config.description] if self.config.description else []
         words.append(f"Located by UWB ranging from a vehicle to {n} cones.")
+        if self.zone.stated:
+            words.append(f"Stated, not measured: {listed(self.zone.stated)}.")
         if self.zone.unlocated:
             words.append(f"Not located: {listed(self.zone.unlocated)}.")
         if not self.zone.reliable:
@@ -253,7 +255,8 @@ class _Writer:
             return wanted == "verified"
         radius_m = confidence_radius_m(cone)
         within = radius_m is not None and radius_m <= self.config.verified_below_m
-        return within and cone.status is AnchorStatus.OK and not self.zone.doubts
+        doubted = self.zone.doubts or self.zone.stated
+        return within and cone.status is AnchorStatus.OK and not doubted
 
     def devices(self) -> Iterator[Json]:
         for k, (cone, place) in enumerate(zip(self.cones, self.cone_degrees, strict=True)):

@@ -60,6 +60,8 @@ class Zone:
         Reasons, in words, to doubt all positions.
     reasons
         All reasons why the zone is unreliable.
+    stated
+        What was said of the zone and not measured, in words.
     """
 
     name: str
@@ -72,6 +74,7 @@ class Zone:
     reliable: bool
     doubts: tuple[str, ...]
     reasons: tuple[str, ...]
+    stated: tuple[str, ...]
 
 
 def zone_of(reconstruction: Reconstruction) -> Zone:
@@ -91,6 +94,7 @@ def zone_of(reconstruction: Reconstruction) -> Zone:
         episode.position_m,
         reconstruction.boundary.hull_m,
         None if reconstruction.status is ReconstructionStatus.OK else reconstruction.reasons,
+        reconstruction.stated,
     )
 
 
@@ -114,6 +118,7 @@ def read_zone(folder: Path) -> Zone:
         hull_m = np.array(report["boundary"]["hull_m"], dtype=np.float64).reshape(-1, 2)
         _check_sizes(anchors, hull_m)
         reasons = None if report["status"] == "ok" else tuple(map(_text, report["reasons"]))
+        stated = tuple(map(_text, report["stated"]))
         name = _text(report["scene"])
     except (KeyError, TypeError, ValueError, OverflowError, InputError) as error:
         what = f"{type(error).__name__}: {error}"
@@ -121,7 +126,7 @@ def read_zone(folder: Path) -> Zone:
     if frame is None:
         raise _without_place(name)
     path_m = _read_path(folder / "boundary.geojson", name, frame)
-    return _make_zone(name, frame, anchors, path_m, hull_m, reasons)
+    return _make_zone(name, frame, anchors, path_m, hull_m, reasons, stated)
 
 
 def _read_fix(row: Mapping[str, Any]) -> AnchorFix:
@@ -194,6 +199,7 @@ def _make_zone(
     path_m: Float64[Array, "T 2"],
     hull_m: Float64[Array, "H 2"],
     reasons: tuple[str, ...] | None,
+    stated: tuple[str, ...],
 ) -> Zone:
     """Put cones and line into the order of travel; ``reasons`` is None for a reliable result."""
     if frame is None:
@@ -222,6 +228,7 @@ def _make_zone(
         reliable=reasons is None and not across,
         doubts=(*doubts, *across),
         reasons=(*(reasons or ()), *across),
+        stated=stated,
     )
 
 
