@@ -9,6 +9,7 @@ import pytest
 from gaia_uwb.datasets.check import CheckReport, check_outdoor_static, check_scene
 from gaia_uwb.errors import InputError
 from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory, Truth
+from gaia_uwb.simulate import PRESETS, simulate_pass
 
 
 def make_scene(**changes: object) -> Scene:
@@ -60,7 +61,7 @@ def test_counts_what_is_unusable() -> None:
     scene = with_ranges(make_scene(), [100, 101], 3.5)  # a burst of two, the second a repeat
     scene = with_ranges(scene, [200], -2.0)
     a = check_scene(scene).anchors[0]
-    assert a.spike_share == pytest.approx(3 / 595)
+    assert a.spike_share == pytest.approx(2 / 595)
     assert a.negative_share == pytest.approx(1 / 595)
     assert a.repeat_share == pytest.approx(1 / 595)
     assert a.n_usable == 592
@@ -104,6 +105,26 @@ def test_a_straight_path() -> None:
     assert "the path is straight" in report.problems[0]
     assert report.drive is not None
     assert report.drive.straightness == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("speed_mps", [1.5, 6.0, 25.0])
+def test_speed_makes_no_spikes_and_hides_none(speed_mps: float) -> None:
+    preset = PRESETS["lane-closure"]
+    clean = {"burst_per_s": 0.0, "held_share": 0.0, "nlos_bias_m": 0.0}
+    drive = {"speed_mps": speed_mps, "duration_s": max(30.0, 200.0 / speed_mps)}
+    config = preset.model_copy(
+        update={
+            "ranging": preset.ranging.model_copy(update=clean),
+            "drive": preset.drive.model_copy(update=drive),
+        }
+    )
+    scene = simulate_pass(config, seed=0)
+    assert [anchor.spike_share for anchor in check_scene(scene).anchors] == [0.0] * 8
+    mine = np.flatnonzero(scene.ranges.anchor == 0)
+    range_m = scene.ranges.range_m.copy()
+    range_m[mine[len(mine) // 2]] += 8.0
+    spoilt = replace(scene, ranges=replace(scene.ranges, range_m=range_m))
+    assert check_scene(spoilt).anchors[0].spike_share == pytest.approx(1 / len(mine))
 
 
 def test_anchors_that_cannot_be_located() -> None:
@@ -153,7 +174,7 @@ def test_lines_are_text_for_people() -> None:
         "  path: 480 samples in 59.9 s (8.0 Hz), 125.4 m long within 56.6 m",
         "  anchor        readings     Hz   gaps  longest   usable  outside  negative   spikes  "
         "repeats   RSSI",
-        "  a                  595   10.0      0    0.1 s    99.8%     0.0%     0.17%    0.17%     "
+        "  a                  595   10.0      0    0.1 s    99.8%     0.0%     0.17%    0.00%     "
         "0.0%   100%",
         "  b                  595   10.0      0    0.1 s   100.0%     0.0%     0.00%    0.00%     "
         "0.0%   100%",

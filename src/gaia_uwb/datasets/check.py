@@ -26,7 +26,10 @@ GAP_S = 0.3
 them."""
 
 SPIKE_M = 1.0
-"""A reading further than this from the median of the seven around it is a spike."""
+"""A reading further than this from what most of the readings around it predict is a spike."""
+
+_PAIRS, _FEWEST_PAIRS = 7, 3  # of readings before and after a reading
+_NEAR_M = 0.5
 
 PARKED_BELOW_M = 1.0
 """A vehicle whose whole path fits into this stood still."""
@@ -284,7 +287,7 @@ def _check_anchor(scene: Scene, index: int) -> AnchorCheck:
     usual_s = float(np.median(step_s)) if step_s.size else np.nan
     outside = (t_s < drive.t_s[0]) | (t_s > drive.t_s[-1])
     negative = range_m < 0
-    spike = _spikes(range_m)
+    spike = _spikes(t_s, range_m, drive)
     repeat = np.append(False, np.diff(range_m) == 0)[: len(range_m)]
     rssi = np.zeros(len(t_s)) * np.nan if log.rssi_dbm is None else log.rssi_dbm[mine]
     return AnchorCheck(
@@ -302,14 +305,32 @@ def _check_anchor(scene: Scene, index: int) -> AnchorCheck:
     )
 
 
-def _spikes(range_m: Float64[Array, "R"], width: int = 7) -> Bool[Array, "R"]:
-    """Return which readings are far from the median of the seven around them."""
-    if len(range_m) < width:
-        return np.zeros(len(range_m), dtype=np.bool_)
-    windows = np.lib.stride_tricks.sliding_window_view(range_m, width)
-    # The first and the last three readings share the window at the end.
-    median_m = np.pad(np.median(windows, axis=1), width // 2, mode="edge")
-    return np.asarray(np.abs(range_m - median_m) > SPIKE_M)
+def _spikes(
+    t_s: Float64[Array, "R"], range_m: Float64[Array, "R"], drive: Trajectory
+) -> Bool[Array, "R"]:
+    """Return which readings do not go with most pairs of readings before and after them.
+
+    Along a chord of the path the square of the distance to any place is that at the ends, between
+    them in proportion, less w (1 - w) times the chord's square: so a pair predicts what is between
+    without knowing where the anchor stands. Near an anchor that is passed fast a pair predicts
+    badly, and is asked less.
+    """
+    range_m = np.where(range_m < 0.0, np.nan, range_m)
+    votes, pairs = np.zeros((2, len(range_m)))
+    path_m = np.column_stack([np.interp(t_s, drive.t_s, axis) for axis in drive.position_m.T])
+    for reach in range(1, min(_PAIRS, (len(range_m) - 1) // 2) + 1):
+        middle = slice(reach, -reach)
+        early, late = slice(None, -2 * reach), slice(2 * reach, None)
+        w = (t_s[middle] - t_s[early]) / np.maximum(t_s[late] - t_s[early], 1e-9)
+        chord2_m2 = ((path_m[late] - path_m[early]) ** 2).sum(axis=1)
+        ends_m2 = (1.0 - w) * range_m[early] ** 2 + w * range_m[late] ** 2
+        predicted_m = np.sqrt(np.maximum(ends_m2 - w * (1.0 - w) * chord2_m2, 0.0))
+        error = np.hypot((1.0 - w) * range_m[early], w * range_m[late])
+        error /= np.maximum(predicted_m, _NEAR_M)
+        off_m = np.abs(range_m[middle] - predicted_m)
+        votes[middle] += off_m > SPIKE_M * np.maximum(error, 1.0)
+        pairs[middle] += np.isfinite(off_m)
+    return np.asarray((votes > 0.5 * pairs) & (pairs >= _FEWEST_PAIRS))
 
 
 def _share(found: Bool[Array, "R"]) -> float:
