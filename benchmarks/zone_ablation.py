@@ -57,7 +57,7 @@ def main() -> None:
     pool = ProcessPoolExecutor(given.workers, get_context("spawn"), max_tasks_per_child=1)
     with pool:
         jobs = [
-            pool.submit(train, network, options, place, muon=name != ADAMW)
+            pool.submit(train, network, optimised(options, name), place)
             for (name, network), place in zip(VARIANTS.items(), places, strict=True)
         ]
         found = dict(zip(VARIANTS, (job.result() for job in jobs), strict=True))
@@ -72,16 +72,17 @@ def main() -> None:
     OutputFolder(given.page.parent).write_text(given.page.name, text)
 
 
-def train(
-    network: GaiaSetOptions, options: SetTrainingOptions, place: Path, *, muon: bool
-) -> SetModelDescription:
-    """Train a variant."""
-    from gaia_uwb import set_training
+def optimised(options: SetTrainingOptions, variant: str) -> SetTrainingOptions:
+    """Return the settings of a variant."""
+    optimiser = "adamw" if variant == ADAMW else "muon"
+    return options.model_copy(update={"matrix_optimiser": optimiser})
 
-    if not muon:
-        set_training.LEAST_MATRIX = network.width * 100  # no layer is as large
-    task = set_training.SetTask(network, options, __version__)
-    return set_training.train_set(task, OutputFolder(place))
+
+def train(network: GaiaSetOptions, options: SetTrainingOptions, place: Path) -> SetModelDescription:
+    """Train a variant."""
+    from gaia_uwb.set_training import SetTask, train_set
+
+    return train_set(SetTask(network, options, __version__), OutputFolder(place))
 
 
 def table(kind: str, found: dict[str, SetModelDescription]) -> str:

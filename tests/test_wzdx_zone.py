@@ -58,6 +58,19 @@ def test_results_that_are_none(
         read_zone(tmp_path)
 
 
+@pytest.mark.parametrize("line", [[[[1.0], [2.0]]] * 2, [[1.0]], [[1.0, 2.0, 3.0]], [], [7], "x"])
+def test_a_path_that_is_none_is_refused(tmp_path: Path, line: object) -> None:
+    result = make_reconstruction()
+    (tmp_path / "report.json").write_text(json.dumps(make_report(result)))
+    geojson: Any = boundary_geojson(result)
+    for feature in geojson["features"]:
+        if feature["properties"]["role"] == "path":
+            feature["geometry"]["coordinates"] = line
+    (tmp_path / "boundary.geojson").write_text(json.dumps(geojson))
+    with pytest.raises(InputError, match="path"):
+        read_zone(tmp_path)
+
+
 @pytest.mark.parametrize("value", [1e308, -1e308, 1e18, None])
 @pytest.mark.parametrize(
     "path",

@@ -113,8 +113,8 @@ def _train_set(
     if data != "sim:mixed" or strange:
         what = ", ".join(strange) or f"--data {data}"
         raise ConfigError(f"{what}: gaia-set is trained on sim:mixed, as a whole")
-    sizes = {} if portions is None else {"portions": portions}
-    task = SetTask(GaiaSetOptions(), SetTrainingOptions(seed=seed, **sizes), version())
+    sizes = {"seed": seed} | ({} if portions is None else {"portions": portions})
+    task = SetTask(GaiaSetOptions(), SetTrainingOptions.model_validate(sizes), version())
     with progress_bar() as progress:
 
         def each(left: Iterable[int], done: int) -> Iterator[int]:

@@ -84,6 +84,14 @@ class GaiaSetOptions(Settings):
     rounds: int = Field(default=2, ge=1, le=8)
 
 
+SET_LONGEST_STEPS = 4096
+"""Steps that ``gaia-set`` takes as a whole; what is longer is denoised in windows."""
+SET_FARTHEST_M = 400.0
+"""From the middle of the path to where an anchor is passed, for ``gaia-set`` to locate it."""
+SET_MOST_ANCHORS = 200
+"""Anchors that ``gaia-set`` looks at together."""
+
+
 class Normalisation(Settings):
     """How lengths become numbers about 1: one scale for all of them, so that geometry holds."""
 
@@ -280,8 +288,10 @@ class SetTrainingOptions(Settings):
     validation_episodes: int = Field(default=256, ge=8, le=100_000)
     """Of each kind of scene."""
     learning_rate: float = Field(default=2e-3, gt=0, le=1)
+    matrix_optimiser: Literal["muon", "adamw"] = "muon"
+    """Of the weights that are matrices between layers."""
     matrix_learning_rate: float = Field(default=4e-3, gt=0, le=1)
-    """Of weights that are matrices, which go by another optimiser."""
+    """Of these weights under Muon; under AdamW all have the same."""
     warm_up_steps: int = Field(default=100, ge=0)
     """Over which the learning rates grow from zero."""
     weight_decay: float = Field(default=1e-4, ge=0, le=1)

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from gaia_uwb.model import ModelDescription, SetModelDescription
+from gaia_uwb.model import (
+    SET_FARTHEST_M,
+    SET_LONGEST_STEPS,
+    SET_MOST_ANCHORS,
+    ModelDescription,
+    SetModelDescription,
+    SetTrainingOptions,
+)
 
 _LIMITS = """\
 - One channel per anchor, in the order of the log: it takes at most {n} anchors and has seen {seen}.
@@ -77,15 +84,17 @@ gaia {description.version}; this command, with the settings below, trains it aga
 """
 
 
-_SET_LIMITS = """\
+_SET_LIMITS = f"""\
 - Trained on simulation only: no real range is in it.
 - Ranges along a straight path cannot tell the sides; then it says so with probabilities near 1/2.
 - A group of anchors that looks like none of its training is located by its ranges, with what it
   has learned of work zones pulling the wrong way; the ranges win in the end, but not in 6 seconds.
-- 1 to 200 anchors, any place, direction and order; paths of 0.5 to 35 m/s, 5 to 20 readings a
-  second, ranges up to 300 m. No scene of the training is longer than 256 steps; scenes of up to
-  4,096 steps are located as a whole, of longer ones the ranges are denoised in windows.
-- Anchors that are passed more than 400 m from the middle of the path are left to the solver.
+- 1 to {SET_MOST_ANCHORS} anchors, any place, direction and order; paths of 0.5 to 35 m/s, 5 to 20
+  readings a second, ranges up to 300 m. No scene of the training is longer than 256 steps.
+- Scenes of up to {SET_LONGEST_STEPS:,} steps are located as a whole, of longer ones the ranges are
+  denoised in windows.
+- Anchors that are passed more than {SET_FARTHEST_M:g} m from the middle of the path are left to the
+  solver.
 - An antenna delay of one anchor alone goes into its place: it is not estimated.
 """
 
@@ -108,6 +117,8 @@ def set_model_card(description: SetModelDescription) -> str:
     scales = ", ".join(
         f"{scale:.3f} ({steps} steps)" for steps, scale in description.variance_scales
     )
+    portions = description.training.portions
+    more = "" if portions == SetTrainingOptions().portions else f" --portions {portions}"
     return f"""\
 # {description.network.kind}, for work zones that it has never seen
 
@@ -115,7 +126,7 @@ Denoises UWB ranges and locates the anchors of any zone, with probabilities of t
 gaia {description.version}; this command trains it again:
 
 ```
-gaia train gaia-set --data sim:mixed --seed {description.training.seed} --out my-model/
+gaia train gaia-set --data sim:mixed --seed {description.training.seed}{more} --out my-model/
 ```
 
 ## Data

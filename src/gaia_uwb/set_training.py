@@ -33,9 +33,7 @@ from gaia_uwb.zone_episodes import MIX, ZoneBatch, training_portion, validation_
 
 __all__ = ["SetTask", "train_set"]
 
-LEAST_MATRIX = 16
-"""Rows and columns of the smallest weights that Muon takes; smaller ones are heads."""
-
+_LEAST_MATRIX = 16  # rows and columns of the smallest weights between layers; smaller are heads
 _MATRIX_DECAY = 0.01
 _ELLIPSE_SHARE = 0.9
 _CHI2_90 = -2.0 * math.log(1 - _ELLIPSE_SHARE)  # with two degrees of freedom
@@ -98,7 +96,7 @@ def train_set(
 def _optimisers(
     network: nn.Module, options: SetTrainingOptions
 ) -> dict[str, torch.optim.Optimizer]:
-    """Return Muon for the matrices between layers, AdamW for all other weights.
+    """Return the optimiser of the matrices between layers, and AdamW for all other weights.
 
     Muon moves all directions of a matrix alike (K. Jordan et al., 2024), and needs far fewer scenes
     to get as far (docs/design-notes.md).
@@ -106,8 +104,9 @@ def _optimisers(
     matrices: list[nn.Parameter] = []
     others: list[nn.Parameter] = []
     for weights in network.parameters():
-        between = weights.ndim == 2 and min(weights.shape) >= LEAST_MATRIX
-        (matrices if between else others).append(weights)
+        between = weights.ndim == 2 and min(weights.shape) >= _LEAST_MATRIX
+        apart = between and options.matrix_optimiser == "muon"
+        (matrices if apart else others).append(weights)
     optimisers: dict[str, torch.optim.Optimizer] = {
         "adamw": torch.optim.AdamW(
             others, lr=options.learning_rate, weight_decay=options.weight_decay
@@ -139,24 +138,25 @@ class _Run:
         }
         self.steps = 0
         self.log: list[dict[str, Any]] = []
-        description = [task.network.model_dump_json(), self.options.model_dump_json(), str(MIX)]
-        self.key = sha256("\n".join(description).encode()).hexdigest()
+        self.key = self._key()
 
     def portion(self, number: int) -> None:
         """Go through new scenes once, validate, and write the state."""
         batches = training_portion(self.options.seed, number, self.options.portion_episodes)
         self.network.train()
-        trained = Means()
+        trained, skipped = Means(), 0
         for k, batch in enumerate(batches):
             self._set_rate((number + k / len(batches)) / self.options.portions)
             terms = self._losses(batch)
             self.network.zero_grad(set_to_none=True)
             terms["total"].backward()  # type: ignore[no-untyped-call]
             norm = nn.utils.clip_grad_norm_(self.network.parameters(), self.options.gradient_norm)
-            if bool(torch.isfinite(norm)):  # one degenerate scene must not end a training
-                for optimiser in self.optimisers.values():
-                    optimiser.step()
             self.steps += 1
+            if not bool(torch.isfinite(norm)):  # one degenerate scene must not end a training
+                skipped += 1
+                continue
+            for optimiser in self.optimisers.values():
+                optimiser.step()
             trained.add(terms, batch.n_episodes)
         validated = {kind: self._validate(own) for kind, own in self.validation.items()}
         total = float(np.mean([terms["total"] for terms in validated.values()]))
@@ -169,6 +169,7 @@ class _Run:
             {
                 "epoch": number,
                 "steps": self.steps,
+                "skipped_steps": skipped,
                 "training": trained.values(),
                 "validation": {
                     name: float(np.mean([terms[name] for terms in validated.values()]))
@@ -178,6 +179,17 @@ class _Run:
             }
         )
         self._write_state()
+
+    def _key(self) -> str:
+        """Return a checksum of all that the result depends on, the simulator's scenes as well."""
+        description = [
+            self.task.network.model_dump_json(), self.options.model_dump_json(), str(MIX)
+        ]  # fmt: skip
+        digest = sha256("\n".join(description).encode())
+        for batch in (batch for own in self.validation.values() for batch in own):
+            for values in (*batch.inputs, batch.anchor_m, batch.range_m, batch.nlos):
+                digest.update(np.ascontiguousarray(values).tobytes())
+        return digest.hexdigest()
 
     def _set_rate(self, done: float) -> None:
         warm = min(1.0, (self.steps + 1) / max(1, self.options.warm_up_steps))

@@ -21,7 +21,7 @@ __all__ = ["Readings", "ZoneInputs", "readings_of", "zone_inputs"]
 
 _SIGMA_M = 0.1  # of all ranges alike: the solver finds their scale
 _BIAS_SIGMA_M = 0.1
-_FARTHEST_M = 500.0  # a start farther from the path is drawn in
+_FARTHEST_START_M = 500.0  # ahead of, behind or beside the path's middle; farther is drawn in
 _PROFILE_STEPS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the path, where its sway is looked at
 _OPTIONS = SolverOptions(max_lag=16)
 
@@ -144,7 +144,7 @@ def _both_sides(
     aside_m = np.stack([mean_m, -mean_m], axis=-1)
     somewhere_m = np.stack([np.zeros_like(aside_m), aside_m], axis=-1)
     place_m = np.where(np.isfinite(place_m), place_m, somewhere_m)
-    place_m = np.clip(place_m, -_FARTHEST_M, _FARTHEST_M)
+    place_m = np.clip(place_m, -_FARTHEST_START_M, _FARTHEST_START_M)
     swap = place_m[:, :, 0, 1] < place_m[:, :, 1, 1]
     order = np.where(swap[..., None], [1, 0], [0, 1])  # (B, N, 2)
     fit = np.nan_to_num(found.negative_log_likelihood)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import shutil
 import sqlite3
 import struct
@@ -17,6 +18,7 @@ from gaia_uwb.datasets._bag_fields import FieldMap
 from gaia_uwb.datasets.described import read_described
 from gaia_uwb.datasets.ros import RosLog
 from gaia_uwb.errors import ConfigError, InputError
+from gaia_uwb.strict_yaml import read_yaml
 
 TWO_RANGES = {"A": 12.5, "B": 30.25}
 
@@ -308,7 +310,10 @@ def test_a_ros2_folder_of_several_files_and_bad_descriptions(
     shutil.copytree(drives["folder-mcap"], folder)
     metadata = folder / "metadata.yaml"
     text = metadata.read_text(encoding="utf-8")
+    twice = read_yaml(metadata, most_bytes=100_000)
+    twice["rosbag2_bagfile_information"]["relative_file_paths"] *= 2
     for wrong, message in (
+        (json.dumps(twice), "names 'log.mcap' more than once"),
         ("", "is empty"),
         ("a: [", "cannot be read"),
         ("a: 1", "is no description of a ROS 2 recording"),

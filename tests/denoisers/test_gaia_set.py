@@ -13,9 +13,9 @@ pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 
 from gaia_uwb.checkpoint import DESCRIPTION, ONNX
 from gaia_uwb.denoisers import make_denoiser
-from gaia_uwb.denoisers.gaia_set import _LONGEST, _TOGETHER
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.errors import ConfigError
+from gaia_uwb.model import SET_LONGEST_STEPS, SET_MOST_ANCHORS
 from gaia_uwb.simulate import find_preset, simulate_episodes
 from tiny_models import make_run, train_tiny_set
 
@@ -90,7 +90,7 @@ def test_any_length(model: Path, n_steps: int) -> None:
 
 
 def test_what_is_too_long_is_cut_into_windows_without_seams(model: Path) -> None:
-    run = make_run(3, n_steps=_LONGEST + 100, missing=0.3)
+    run = make_run(3, n_steps=SET_LONGEST_STEPS + 100, missing=0.3)
     (found,) = denoise(model, [run])
     np.testing.assert_array_equal(found.valid, run.valid)
     assert found.zone is None
@@ -143,7 +143,7 @@ def test_a_long_log_without_a_range_is_left_as_it_is(model: Path) -> None:
 
 
 def test_what_is_too_many_is_cut_into_groups_by_when_they_are_passed(model: Path) -> None:
-    run = make_run(4, n_steps=40, n_anchors=_TOGETHER + 30, missing=0.0)
+    run = make_run(4, n_steps=40, n_anchors=SET_MOST_ANCHORS + 30, missing=0.0)
     # First come those that are ranged in the first half only, in any order of columns.
     early = np.random.default_rng(0).permutation(run.n_anchors)[: run.n_anchors // 2]
     valid = np.zeros((40, run.n_anchors), dtype=bool)

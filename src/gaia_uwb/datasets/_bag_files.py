@@ -117,7 +117,8 @@ class Bag:
             If it is too much for the file's size.
         """
         self.unpacked += n_bytes
-        if self.unpacked > _FREE_BYTES + MAX_RATIO * self.path.stat().st_size:
+        over = self.unpacked - _FREE_BYTES
+        if over > 0 and over > MAX_RATIO * self.path.stat().st_size:
             raise ValueError(f"unpacks to more than {MAX_RATIO} times the file's size")
 
     def add(self, channel: Channel) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
+from gaia_uwb._text import shown
 from gaia_uwb.datasets._bag_files import MAX_FILE_BYTES, Bag, Message, open_bag
 from gaia_uwb.datasets._logs import check_file
 from gaia_uwb.errors import InputError
@@ -54,7 +55,11 @@ def _storage_files(folder: Path) -> tuple[list[Path], bool]:
         raise InputError("its files are packed: unpack them with 'ros2 bag convert'", source=path)
     if not 0 < len(names) <= _MAX_FILES:
         raise InputError(f"names {len(names)} files", source=path)
-    return [folder / Path(name).name for name in names], mode == "message"
+    paths = [folder / Path(name).name for name in names]
+    twice = next((each for k, each in enumerate(paths) if each in paths[:k]), None)
+    if twice is not None:
+        raise InputError(f"names {shown(twice.name)} more than once", source=path)
+    return paths, mode == "message"
 
 
 def scan(bag: Bag) -> None:

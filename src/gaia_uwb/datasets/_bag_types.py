@@ -56,6 +56,7 @@ class Types:
         self._path = path
         self._given = {} if msg_dir is None else _read_msg_dir(msg_dir)
         self._fields: dict[tuple[str, str | None], Fields] = {}
+        self._readers: dict[tuple[str, str | None, str], Reader] = {}
 
     def fields(self, channel: Channel) -> Fields:
         """Return the description of a channel's type and those it uses.
@@ -79,6 +80,12 @@ class Types:
         InputError
             Like :meth:`fields`; and if the encoding is unknown.
         """
+        key = (channel.msgtype, channel.definition, channel.encoding)
+        if key not in self._readers:  # rosbags compiles one, and a log may have hundreds of files
+            self._readers[key] = self._compile(channel)
+        return self._readers[key]
+
+    def _compile(self, channel: Channel) -> Reader:
         from rosbags.typesys import Stores, get_typestore
 
         types, msgtype = self.fields(channel), channel.msgtype

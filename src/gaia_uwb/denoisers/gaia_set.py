@@ -1,10 +1,11 @@
 """``gaia-set``: the network for work zones that it has never seen, run by ONNX Runtime.
 
-Beside ranges it says where all anchors stand and on which sides, for episodes of up to 4,096 steps,
-which it takes as a whole, from the first range to the last. What is longer is cut into windows that
-overlap by half and fade into one another; their anchors are located by the solver, which needs no
-help with so many ranges. So are zones that reach farther than 400 m from the middle of the path,
-and more than 200 anchors, which are denoised in groups of those that are passed one after another.
+Beside ranges it says where all anchors stand and on which sides, for episodes of up to
+``SET_LONGEST_STEPS``, which it takes as a whole, from the first range to the last. What is longer
+is cut into windows that overlap by half and fade into one another; their anchors are located by the
+solver. So are zones that reach farther than ``SET_FARTHEST_M`` from the middle of the path, and
+more than ``SET_MOST_ANCHORS`` anchors, which are denoised in groups of those that are passed one
+after another.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from gaia_uwb.denoisers._onnx import start_session
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.features import blend, window_starts
+from gaia_uwb.model import SET_FARTHEST_M, SET_LONGEST_STEPS, SET_MOST_ANCHORS
 from gaia_uwb.path_frame import PathFrame
 from gaia_uwb.zone_inputs import ZoneInputs, readings_of, zone_inputs
 from gaia_uwb.zone_posterior import ZonePosterior
@@ -33,16 +35,14 @@ if TYPE_CHECKING:
     import onnxruntime
 
 _OUTPUTS = ("denoised_range", "log_sigma", "place", "information", "scene_logit", "side_logit")
-_LONGEST = 4096  # steps that are taken as a whole
 _WINDOW = 512  # steps of a window of what is longer; what is shorter is not cut at all
-_FARTHEST_M = 400.0  # from the middle of the path to where an anchor is passed
-_TOGETHER = 200  # anchors that see each other
 _READINGS = 1 << 17  # (episodes x anchors x steps) that the network takes at a time
+_PAIRS = 1 << 16  # (episodes x anchors x anchors) that it takes at a time
 _LEAST_STEPS = 3  # fewer have no path
 _LEAST_RANGES = 4  # an anchor with fewer cannot be located, and keeps its measured ranges
 
 
-class GaiaSetOptions(Options):
+class NeuralSetOptions(Options):
     """Options of ``gaia-set``."""
 
     model: str = Field(default="mixed", min_length=1)
@@ -64,12 +64,12 @@ class NeuralGaiaSet(Denoiser):
         If the model is missing, damaged or of another kind.
     """
 
-    Options: ClassVar[type[Options]] = GaiaSetOptions
+    Options: ClassVar[type[Options]] = NeuralSetOptions
     uses_pose: ClassVar[bool] = True
     locates: ClassVar[bool] = True
-    options: GaiaSetOptions
+    options: NeuralSetOptions
 
-    def __init__(self, options: GaiaSetOptions) -> None:
+    def __init__(self, options: NeuralSetOptions) -> None:
         super().__init__(options)
         folder = find_model("gaia-set", options.model)
         self.description = read_set_description(folder)
@@ -87,14 +87,14 @@ class NeuralGaiaSet(Denoiser):
             elif heard.stop - heard.start < episode.n_steps:
                 (cut,) = self([episode.window(heard.start, heard.stop)])
                 found[k] = _padded(cut, heard, episode)
-            elif episode.n_anchors > _TOGETHER:
+            elif episode.n_anchors > SET_MOST_ANCHORS:
                 found[k] = self._in_groups(episode)
-            elif episode.n_steps > _LONGEST:
+            elif episode.n_steps > SET_LONGEST_STEPS:
                 found[k] = self._long(episode)
             else:
                 groups.setdefault((episode.n_steps, episode.n_anchors), []).append(k)
         for (n_steps, n_anchors), members in groups.items():
-            size = max(1, _READINGS // (n_steps * n_anchors))
+            size = max(1, min(_READINGS // (n_steps * n_anchors), _PAIRS // n_anchors**2))
             for start in range(0, len(members), size):
                 part = members[start : start + size]
                 found.update(zip(part, self._run([episodes[k] for k in part]), strict=True))
@@ -116,7 +116,7 @@ class NeuralGaiaSet(Denoiser):
             unsolved = far[b] | (np.count_nonzero(episode.valid, axis=0) < _LEAST_RANGES)
             range_m = np.maximum(output["denoised_range"][b].T, 0.0)
             range_m = np.where(unsolved, episode.range_m, range_m)
-            sigma_m = np.exp(output["log_sigma"][b].T)
+            sigma_m = np.where(unsolved, 1.0, np.exp(output["log_sigma"][b].T))
             results.append(
                 DenoisedRanges(
                     range_m=np.where(episode.valid, range_m, np.nan),
@@ -154,7 +154,7 @@ class NeuralGaiaSet(Denoiser):
         """Denoise many anchors in groups, by when each is ranged."""
         when = np.arange(episode.n_steps) @ episode.valid / np.maximum(episode.valid.sum(axis=0), 1)
         order = np.argsort(when, kind="stable")
-        groups = np.array_split(order, math.ceil(episode.n_anchors / _TOGETHER))
+        groups = np.array_split(order, math.ceil(episode.n_anchors / SET_MOST_ANCHORS))
         range_m, sigma_m = np.full((2, *episode.valid.shape), np.nan)
         for rows in groups:  # one after another: memory for one
             (part,) = self([_of_some_anchors(episode, rows)])
@@ -197,7 +197,7 @@ def _far(inputs: ZoneInputs) -> Bool[Array, "B N"]:
     nearest = np.where(inputs.mask > 0, inputs.range, np.inf).argmin(axis=2)  # (B, N)
     passed_m = np.take_along_axis(inputs.position, nearest[..., None], axis=1)  # (B, N, 2)
     heard = inputs.mask.any(axis=2)
-    return np.asarray(heard & (np.abs(passed_m).max(axis=2) > _FARTHEST_M))
+    return np.asarray(heard & (np.abs(passed_m).max(axis=2) > SET_FARTHEST_M))
 
 
 def _of_some_anchors(episode: Episode, rows: Int64[Array, "K"]) -> Episode:

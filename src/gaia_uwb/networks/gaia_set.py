@@ -62,7 +62,7 @@ _DILATIONS = (1, 3, 9)
 _KERNEL = 5
 _NEWTON_STEPS = 3
 _LONGEST_STEP_M = 30.0
-_FARTHEST_M = 600.0
+_FARTHEST_PRIOR_M = 600.0
 _TAILS = 4.0  # degrees of freedom of the ranges' errors
 
 
@@ -329,7 +329,7 @@ class PlaceHead(nn.Module):
     def forward(self, scene: Scene, place: Tensor, token: Tensor) -> tuple[Prior, Tensor]:
         """Return the prior, and which share of the ranges' information counts (B, M, 1)."""
         ahead, across, log_along, log_left, correlation, share, keep = self.layers(token).unbind(-1)
-        along = (place[..., 0] + 5 * ahead).clamp(-_FARTHEST_M, _FARTHEST_M)
+        along = (place[..., 0] + 5 * ahead).clamp(-_FARTHEST_PRIOR_M, _FARTHEST_PRIOR_M)
         # Beside the road: some of the present distance from it, and an absolute one.
         off_road = torch.sigmoid(keep) * off_road_m(scene, place) + 5 * across
         mean = torch.stack([along, road_left_m(scene, along) + off_road], dim=-1)

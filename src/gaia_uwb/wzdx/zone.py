@@ -175,7 +175,10 @@ def _read_path(file: Path, name: str, frame: LocalFrame) -> Float64[Array, "T 2"
             for feature in content["features"]
             if feature["properties"]["role"] == "path"
         ]
-        lon_deg, lat_deg = np.array(line, dtype=np.float64).T
+        degrees = np.array(line, dtype=np.float64)
+        if degrees.ndim != 2 or degrees.shape[1] != 2 or len(degrees) < 2:
+            raise ValueError(f"expected pairs of numbers, got {degrees.shape}")
+        lon_deg, lat_deg = degrees.T
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError("expected a feature with the role 'path'", source=file) from error
     position_m, _ = to_local(frame, lat_deg, lon_deg)
