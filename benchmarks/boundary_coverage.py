@@ -3,7 +3,7 @@
 Counts how often the inner region is wholly within the true zone, the true zone wholly within the
 outer region, and how often an anchor's 90 % ellipse, or one of the two ellipses of an anchor whose
 side is open, holds its true place. With --calibrate it prints, for simulated training layouts only,
-the coverage at several levels, from which `Levels` were chosen.
+the coverage at several levels, and the levels between them that `Levels` holds.
 
 Usage: python benchmarks/boundary_coverage.py [--data-dir FOLDER] [--episodes N] [--calibrate]
        [--denoiser NAME] (or GAIA_DATA_DIR)
@@ -22,7 +22,7 @@ import numpy as np
 import shapely
 
 from gaia_uwb._typing import Array, Float64
-from gaia_uwb.boundary_uncertainty import Levels, Region, boundary_uncertainty
+from gaia_uwb.boundary_uncertainty import PROBABILITY, Levels, Region, boundary_uncertainty
 from gaia_uwb.config import PipelineConfig, SidesConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.geometry import RigidAlignment, rigid_align, rotation_matrix
@@ -187,7 +187,8 @@ def calibrate(n: int, config: PipelineConfig) -> None:
     share = np.mean(held, axis=0)
     for inner, outer, (right_inner, right_outer) in zip(INNER, OUTER, share, strict=True):
         print(f"inner {inner:.3f}: {right_inner:.3f}   outer {outer:.2f}: {right_outer:.3f}")
-    print(f"of {len(cases)} zones")
+    chosen = [np.interp(PROBABILITY, share[:, k], (INNER, OUTER)[k]) for k in (0, 1)]
+    print(f"of {len(cases)} zones; 90 % at inner {chosen[0]:.3f}, outer {chosen[1]:.2f}")
 
 
 def main() -> None:

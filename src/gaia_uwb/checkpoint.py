@@ -1,7 +1,7 @@
 """A trained model as files: written whole, loaded strictly, never unpickled.
 
 =======================  ==========================================================
-``model.json``           :class:`gaia_uwb.model.ModelDescription`, with checksums
+``model.json``           what it is, with checksums: a description of :mod:`gaia_uwb.model`
 ``model.onnx``           the network for ONNX Runtime, dynamic batch and length
 ``weights.safetensors``  its weights, to train on or to look at
 ``MODEL_CARD.md``        what it is, what it was trained on, its scores, its limits

@@ -1,7 +1,7 @@
 """From episodes to the normalised, padded tensors of a network, and back.
 
-The only place where numbers change their type: episodes are float64 in metres, networks take
-float32 in units of :class:`gaia_uwb.model.Normalisation`.
+Here numbers change their type: episodes are float64 in metres, the paper's networks take float32 in
+units of :class:`gaia_uwb.model.Normalisation`.
 """
 
 from __future__ import annotations

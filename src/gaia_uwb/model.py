@@ -85,11 +85,11 @@ class GaiaSetOptions(Settings):
 
 
 SET_LONGEST_STEPS = 4096
-"""Steps that ``gaia-set`` takes as a whole; what is longer is denoised in windows."""
+"""Steps that ``gaia-set`` takes at a time."""
 SET_FARTHEST_M = 400.0
-"""From the middle of the path to where an anchor is passed, for ``gaia-set`` to locate it."""
+"""How far from the middle of the path ``gaia-set`` knows its way."""
 SET_MOST_ANCHORS = 200
-"""Anchors that ``gaia-set`` looks at together."""
+"""Anchors that ``gaia-set`` takes at a time."""
 
 
 class Normalisation(Settings):
@@ -329,7 +329,8 @@ class SetModelDescription(Settings):
     def variance_scale(self, n_steps: int) -> float:
         """Return what variances of places are multiplied by.
 
-        Between known lengths in proportion; shorter and longer ones are scaled like the nearest.
+        Between known lengths in proportion, in logarithms; shorter and longer ones are scaled like
+        the nearest.
 
         Parameters
         ----------

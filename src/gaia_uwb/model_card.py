@@ -89,12 +89,11 @@ _SET_LIMITS = f"""\
 - Ranges along a straight path cannot tell the sides; then it says so with probabilities near 1/2.
 - A group of anchors that looks like none of its training is located by its ranges, with what it
   has learned of work zones pulling the wrong way; the ranges win in the end, but not in 6 seconds.
-- 1 to {SET_MOST_ANCHORS} anchors, any place, direction and order; paths of 0.5 to 35 m/s, 5 to 20
-  readings a second, ranges up to 300 m. No scene of the training is longer than 256 steps.
-- Scenes of up to {SET_LONGEST_STEPS:,} steps are located as a whole, of longer ones the ranges are
-  denoised in windows.
-- Anchors that are passed more than {SET_FARTHEST_M:g} m from the middle of the path are left to the
-  solver.
+- Any number of anchors, any place, direction and order; paths of 0.5 to 35 m/s, 5 to 20 readings a
+  second, ranges up to 300 m. No scene of the training is longer than 256 steps.
+- What has more than {SET_LONGEST_STEPS:,} steps or {SET_MOST_ANCHORS} anchors, or reaches farther
+  than {SET_FARTHEST_M:g} m from the middle of the drive, is located in pieces; the sides of their
+  anchors are decided together as long as no two pieces are sure of opposite ones.
 - An antenna delay of one anchor alone goes into its place: it is not estimated.
 """
 

@@ -89,11 +89,12 @@ def test_any_length(model: Path, n_steps: int) -> None:
     assert (found.zone is not None) is (n_steps >= 3)
 
 
-def test_what_is_too_long_is_cut_into_windows_without_seams(model: Path) -> None:
+def test_what_is_too_long_is_taken_in_pieces_without_seams(model: Path) -> None:
     run = make_run(3, n_steps=SET_LONGEST_STEPS + 100, missing=0.3)
     (found,) = denoise(model, [run])
     np.testing.assert_array_equal(found.valid, run.valid)
-    assert found.zone is None
+    assert np.isfinite(found.range_m[run.valid]).all()
+    assert found.zone is not None and found.zone.located.all()
     middle = slice(2000, 2010)
     assert np.nanmax(np.abs(np.diff(found.range_m[middle] - run.range_m[middle], axis=0))) < 0.5
 
@@ -122,7 +123,7 @@ def test_where_on_a_long_drive_the_zone_is_changes_nothing(model: Path) -> None:
     np.testing.assert_array_equal(end.valid, far_drive(800.0).valid)
 
 
-def test_a_zone_that_reaches_too_far_is_left_to_the_solver(model: Path) -> None:
+def test_zones_far_apart_on_one_drive_are_what_each_is_alone(model: Path) -> None:
     near, far = far_drive(-800.0), far_drive(800.0)
     both = replace(
         near,
@@ -131,8 +132,13 @@ def test_a_zone_that_reaches_too_far_is_left_to_the_solver(model: Path) -> None:
         valid=np.hstack([near.valid, far.valid]),
     )
     (found,) = denoise(model, [both])
-    assert found.zone is None
-    np.testing.assert_array_equal(found.range_m[both.valid], both.range_m[both.valid])
+    assert found.zone is not None and found.zone.located.all()
+    assert np.isfinite(found.range_m[both.valid]).all()
+    for own, drive in ((slice(0, 4), near), (slice(4, 8), far)):
+        (alone,) = denoise(model, [drive])
+        assert alone.zone is not None
+        off_m = found.zone.place_m[own] - alone.zone.place_m
+        assert np.abs(off_m).max() < 1.0  # the pieces see other stretches of the path
 
 
 def test_a_long_log_without_a_range_is_left_as_it_is(model: Path) -> None:
@@ -142,7 +148,7 @@ def test_a_long_log_without_a_range_is_left_as_it_is(model: Path) -> None:
     assert found.zone is None and not found.valid.any()
 
 
-def test_what_is_too_many_is_cut_into_groups_by_when_they_are_passed(model: Path) -> None:
+def test_what_is_too_many_is_taken_in_groups_by_when_they_are_passed(model: Path) -> None:
     run = make_run(4, n_steps=40, n_anchors=SET_MOST_ANCHORS + 30, missing=0.0)
     # First come those that are ranged in the first half only, in any order of columns.
     early = np.random.default_rng(0).permutation(run.n_anchors)[: run.n_anchors // 2]
@@ -152,7 +158,8 @@ def test_what_is_too_many_is_cut_into_groups_by_when_they_are_passed(model: Path
     run = replace(run, valid=valid, range_m=np.where(valid, run.range_m, np.nan), truth=None)
     (found,) = denoise(model, [run])
     np.testing.assert_array_equal(found.valid, valid)
-    assert np.isfinite(found.sigma_m[valid]).all() and found.zone is None
+    assert np.isfinite(found.sigma_m[valid]).all()
+    assert found.zone is not None and found.zone.located.all()
     ids = tuple(run.anchor_ids[n] for n in early)
     columns = {"range_m": run.range_m[:, early], "valid": valid[:, early]}
     up_m = np.ones(len(ids))

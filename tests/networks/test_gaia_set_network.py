@@ -11,13 +11,8 @@ import torch
 from torch import Tensor
 
 from gaia_uwb.model import GaiaSetOptions
-from gaia_uwb.networks.gaia_set import (
-    GaiaSet,
-    Prior,
-    ZonePrediction,
-    gauss_newton,
-    side_probability,
-)
+from gaia_uwb.networks.gaia_set import GaiaSet, ZonePrediction
+from gaia_uwb.networks.set_heads import Prior, gauss_newton, side_probability
 from gaia_uwb.networks.zone_tokens import SetInputs, make_scene
 from gaia_uwb.zone_inputs import ZoneInputs
 

@@ -1,16 +1,13 @@
 """``gaia-set``: the network for work zones that it has never seen, run by ONNX Runtime.
 
-Beside ranges it says where all anchors stand and on which sides, for episodes of up to
-``SET_LONGEST_STEPS``, which it takes as a whole, from the first range to the last. What is longer
-is cut into windows that overlap by half and fade into one another; their anchors are located by the
-solver. So are zones that reach farther than ``SET_FARTHEST_M`` from the middle of the path, and
-more than ``SET_MOST_ANCHORS`` anchors, which are denoised in groups of those that are passed one
-after another.
+Beside ranges it says where all anchors stand and on which sides. It takes a drive as a whole, from
+the first range to the last; what is longer than ``SET_LONGEST_STEPS``, reaches farther than
+``SET_FARTHEST_M`` from the middle of the path, or has more than ``SET_MOST_ANCHORS`` anchors, goes
+through it in pieces (``_pieces.py``).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -19,13 +16,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from gaia_uwb._typing import Array, Bool, Float64, Int64
+from gaia_uwb._typing import Array, Float64
 from gaia_uwb.checkpoint import ONNX, find_model, read_file, read_set_description
 from gaia_uwb.denoisers._base import Denoiser, Options
 from gaia_uwb.denoisers._onnx import start_session
+from gaia_uwb.denoisers._pieces import pieces_of, put_together
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.errors import ConfigError
-from gaia_uwb.features import blend, window_starts
 from gaia_uwb.model import SET_FARTHEST_M, SET_LONGEST_STEPS, SET_MOST_ANCHORS
 from gaia_uwb.path_frame import PathFrame
 from gaia_uwb.zone_inputs import ZoneInputs, readings_of, zone_inputs
@@ -35,7 +32,7 @@ if TYPE_CHECKING:
     import onnxruntime
 
 _OUTPUTS = ("denoised_range", "log_sigma", "place", "information", "scene_logit", "side_logit")
-_WINDOW = 512  # steps of a window of what is longer; what is shorter is not cut at all
+_SHORT = 512  # steps of what is taken as it is, not from the first range to the last
 _READINGS = 1 << 17  # (episodes x anchors x steps) that the network takes at a time
 _PAIRS = 1 << 16  # (episodes x anchors x anchors) that it takes at a time
 _LEAST_STEPS = 3  # fewer have no path
@@ -87,10 +84,8 @@ class NeuralGaiaSet(Denoiser):
             elif heard.stop - heard.start < episode.n_steps:
                 (cut,) = self([episode.window(heard.start, heard.stop)])
                 found[k] = _padded(cut, heard, episode)
-            elif episode.n_anchors > SET_MOST_ANCHORS:
-                found[k] = self._in_groups(episode)
-            elif episode.n_steps > SET_LONGEST_STEPS:
-                found[k] = self._long(episode)
+            elif _too_much(episode):
+                found[k] = self._in_pieces(episode)
             else:
                 groups.setdefault((episode.n_steps, episode.n_anchors), []).append(k)
         for (n_steps, n_anchors), members in groups.items():
@@ -110,10 +105,9 @@ class NeuralGaiaSet(Denoiser):
             for name, value in zip(_OUTPUTS, values, strict=True)
         }
         zones = self._zones(episodes, output, frame)
-        far = _far(inputs)
         results = []
         for b, (episode, zone) in enumerate(zip(episodes, zones, strict=True)):
-            unsolved = far[b] | (np.count_nonzero(episode.valid, axis=0) < _LEAST_RANGES)
+            unsolved = np.count_nonzero(episode.valid, axis=0) < _LEAST_RANGES
             range_m = np.maximum(output["denoised_range"][b].T, 0.0)
             range_m = np.where(unsolved, episode.range_m, range_m)
             sigma_m = np.where(unsolved, 1.0, np.exp(output["log_sigma"][b].T))
@@ -122,7 +116,7 @@ class NeuralGaiaSet(Denoiser):
                     range_m=np.where(episode.valid, range_m, np.nan),
                     sigma_m=np.where(episode.valid, sigma_m, np.nan),
                     valid=episode.valid,
-                    zone=None if far[b].any() else zone,
+                    zone=zone,
                 )
             )
         return results
@@ -150,36 +144,26 @@ class NeuralGaiaSet(Denoiser):
             for b, episode in enumerate(episodes)
         ]
 
-    def _in_groups(self, episode: Episode) -> DenoisedRanges:
-        """Denoise many anchors in groups, by when each is ranged."""
-        when = np.arange(episode.n_steps) @ episode.valid / np.maximum(episode.valid.sum(axis=0), 1)
-        order = np.argsort(when, kind="stable")
-        groups = np.array_split(order, math.ceil(episode.n_anchors / SET_MOST_ANCHORS))
-        range_m, sigma_m = np.full((2, *episode.valid.shape), np.nan)
-        for rows in groups:  # one after another: memory for one
-            (part,) = self([_of_some_anchors(episode, rows)])
-            range_m[:, rows], sigma_m[:, rows] = part.range_m, part.sigma_m
-        return DenoisedRanges(range_m=range_m, sigma_m=sigma_m, valid=episode.valid)
+    def _in_pieces(self, episode: Episode) -> DenoisedRanges:
+        """Denoise and locate piece by piece, one after another: memory for one."""
+        pieces = pieces_of(episode)
+        found = [self([piece.of(episode)])[0] for piece in pieces]
+        return put_together(episode, pieces, found)
 
-    def _long(self, episode: Episode) -> DenoisedRanges:
-        """Denoise a long episode window by window."""
-        starts = window_starts(episode.n_steps, _WINDOW)
-        windows = self([episode.window(start, start + _WINDOW) for start in starts])
 
-        def whole(values: list[Float64[Array, "L N"]]) -> Float64[Array, "T N"]:
-            stacked = np.stack([np.nan_to_num(value, nan=0.0) for value in values])
-            return np.where(episode.valid, blend(stacked, starts, episode.n_steps), np.nan)
-
-        return DenoisedRanges(
-            range_m=whole([window.range_m for window in windows]),
-            sigma_m=whole([window.sigma_m for window in windows]),
-            valid=episode.valid,
-        )
+def _too_much(episode: Episode) -> bool:
+    """Tell whether an episode cannot be taken as a whole."""
+    if episode.n_steps > SET_LONGEST_STEPS or episode.n_anchors > SET_MOST_ANCHORS:
+        return True
+    nearest = np.where(episode.valid, episode.range_m, np.inf).argmin(axis=0)
+    passed_m = episode.position_m[nearest[episode.valid.any(axis=0)]]
+    off_m = passed_m - episode.position_m.mean(axis=0)
+    return bool((np.hypot(off_m[:, 0], off_m[:, 1]) > SET_FARTHEST_M).any())
 
 
 def _heard(episode: Episode) -> slice:
     """Return the steps from the first range to the last, of long episodes; else all steps."""
-    if episode.n_steps <= _WINDOW:
+    if episode.n_steps <= _SHORT:
         return slice(0, episode.n_steps)
     steps = np.flatnonzero(episode.valid.any(axis=1))
     return slice(int(steps[0]), int(steps[-1]) + 1) if len(steps) else slice(0, 0)
@@ -190,26 +174,6 @@ def _padded(part: DenoisedRanges, heard: slice, episode: Episode) -> DenoisedRan
     range_m, sigma_m = np.full((2, *episode.valid.shape), np.nan)
     range_m[heard], sigma_m[heard] = part.range_m, part.sigma_m
     return replace(part, range_m=range_m, sigma_m=sigma_m, valid=episode.valid)
-
-
-def _far(inputs: ZoneInputs) -> Bool[Array, "B N"]:
-    """Return which anchors are passed farther from the path's middle than its frame reaches."""
-    nearest = np.where(inputs.mask > 0, inputs.range, np.inf).argmin(axis=2)  # (B, N)
-    passed_m = np.take_along_axis(inputs.position, nearest[..., None], axis=1)  # (B, N, 2)
-    heard = inputs.mask.any(axis=2)
-    return np.asarray(heard & (np.abs(passed_m).max(axis=2) > SET_FARTHEST_M))
-
-
-def _of_some_anchors(episode: Episode, rows: Int64[Array, "K"]) -> Episode:
-    """Return an episode with the anchors of these columns only, without truth."""
-    return replace(
-        episode,
-        anchor_ids=tuple(episode.anchor_ids[n] for n in rows.tolist()),
-        range_m=episode.range_m[:, rows],
-        valid=episode.valid[:, rows],
-        anchor_up_m=None if episode.anchor_up_m is None else episode.anchor_up_m[rows],
-        truth=None,
-    )
 
 
 def _as_measured(episode: Episode) -> DenoisedRanges:

@@ -15,7 +15,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from gaia_uwb.networks.gaia_set import ZonePrediction, side_probability
+from gaia_uwb.networks.gaia_set import ZonePrediction
+from gaia_uwb.networks.set_heads import side_probability
 
 _PLACE_TAILS = 4.0  # degrees of freedom: a place may be off by more than its ellipse says
 _RANGE_TAILS = 4.0

@@ -175,10 +175,7 @@ def _read_path(file: Path, name: str, frame: LocalFrame) -> Float64[Array, "T 2"
             for feature in content["features"]
             if feature["properties"]["role"] == "path"
         ]
-        degrees = np.array(line, dtype=np.float64)
-        if degrees.ndim != 2 or degrees.shape[1] != 2 or len(degrees) < 2:
-            raise ValueError(f"expected pairs of numbers, got {degrees.shape}")
-        lon_deg, lat_deg = degrees.T
+        lon_deg, lat_deg = _pairs(line).T
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError("expected a feature with the role 'path'", source=file) from error
     position_m, _ = to_local(frame, lat_deg, lon_deg)
@@ -193,6 +190,13 @@ def _without_place(name: str) -> InputError:
         "trajectory as lat and lon, or the frame's origin",
         source=name,
     )
+
+
+def _pairs(line: object) -> Float64[Array, "T 2"]:
+    degrees = np.array(line, dtype=np.float64)
+    if degrees.ndim != 2 or degrees.shape[1] != 2 or len(degrees) < 2:
+        raise ValueError(f"expected pairs of numbers, got {degrees.shape}")
+    return degrees
 
 
 def _make_zone(

@@ -1,0 +1,65 @@
+"""Work zones of a kilometre, passed once: how many cones that are called ok are on the wrong side.
+
+Run ``python benchmarks/long_zones.py``; a minute. Straight roads with little bend, cones on one
+side, no lane change: what tells the side is how cones stand beside each other. ``expected`` is the
+sum of the mirror probabilities that were given.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from gaia_uwb import PipelineConfig, reconstruct
+from gaia_uwb.estimate import AnchorStatus
+from gaia_uwb.simulate import PRESETS, PassConfig, simulate_pass
+
+SPEED_MPS = 15.0
+
+
+def long_zone(work_m: float, n_anchors: int) -> PassConfig:
+    """Return the pass of a lane closure with a long work space."""
+    preset = PRESETS["lane-closure"]
+    closure = {"work_m": work_m, "n_anchors": n_anchors}
+    drive = {"lane_change": False, "speed_mps": SPEED_MPS, "duration_s": 40.0 + work_m / SPEED_MPS}
+    return preset.model_copy(
+        update={
+            "closure": preset.closure.model_copy(update=closure),
+            "road": preset.road.model_copy(update={"curvature_per_m": -0.0002}),
+            "drive": preset.drive.model_copy(update=drive),
+        }
+    )
+
+
+def main() -> None:
+    """Reconstruct and count."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--passes", type=int, default=20)
+    given = parser.parse_args()
+    print("| work space (m) | denoiser | cones | ok | of these wrong | expected | error (m) |")
+    print("|---" * 7 + "|")
+    for work_m in (300.0, 900.0):
+        for denoiser in ("gaia-set", "pose-kalman"):
+            n, mirror, wrong, error_m = 0, [], [], []
+            for seed in range(given.passes):
+                scene = simulate_pass(long_zone(work_m, 24), seed)
+                assert scene.truth is not None
+                found = reconstruct(scene, PipelineConfig(denoiser=denoiser)).anchors
+                n += len(found)
+                for fix, true_m in zip(found, scene.truth.anchor_m, strict=True):
+                    if fix.status is AnchorStatus.OK:
+                        places_m = np.stack([fix.position_m, fix.mirror_position_m])
+                        off_m = np.linalg.norm(places_m - true_m, axis=1)
+                        mirror.append(fix.mirror_probability)
+                        wrong.append(off_m[1] < off_m[0])
+                        error_m.append(off_m[0])
+            print(
+                f"| {work_m:.0f} | `{denoiser}` | {n} | {len(wrong)} | {sum(wrong)} | "
+                f"{sum(mirror):.1f} | {np.median(error_m):.2f} |",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
