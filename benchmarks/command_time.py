@@ -9,28 +9,13 @@ import argparse
 import json
 import os
 import statistics
-import subprocess
-import sys
 import tempfile
-import time
 from pathlib import Path
+
+from timing import command_seconds
 
 RUNS = 5
 REAL = "outdoor-uwb:NLOS/B/4"
-
-
-def time_command(arguments: list[str]) -> list[float]:
-    """Return the wall times of several runs, in seconds; the first, cold one is not counted."""
-    gaia = str(Path(sys.executable).with_name("gaia"))
-    seconds = []
-    for run in range(RUNS + 1):
-        start = time.perf_counter()
-        done = subprocess.run([gaia, *arguments], capture_output=True, text=True, check=False)
-        if done.returncode not in (0, 1):
-            raise SystemExit(f"gaia {' '.join(arguments)}: {done.stderr.strip()}")
-        if run:
-            seconds.append(time.perf_counter() - start)
-    return seconds
 
 
 def main() -> None:
@@ -50,7 +35,7 @@ def main() -> None:
         else:
             print(f"left out, no outdoor UWB data set (set GAIA_DATA_DIR): gaia reconstruct {REAL}")
         for name, (arguments, budget_s) in commands.items():
-            seconds = time_command(arguments)
+            seconds = command_seconds(arguments, RUNS)
             rows[name] = {
                 "best_s": min(seconds),
                 "median_s": statistics.median(seconds),

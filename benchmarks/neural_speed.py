@@ -10,13 +10,12 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 
 from gaia_uwb.checkpoint import find_model, read_description, read_weights
 from gaia_uwb.denoisers import make_denoiser
 from gaia_uwb.features import make_features
-from gaia_uwb.simulate import find_preset, simulate_episodes
+from timing import per_second, stress_windows
 
 _FIRST = """
 import time
@@ -28,16 +27,6 @@ made = time.perf_counter()
 make_denoiser("{name}")([episode])
 print(time.perf_counter() - start, time.perf_counter() - made)
 """
-
-
-def per_second(job: Callable[[], object], n: int, rounds: int) -> float:
-    """Return windows per second, the best of some rounds."""
-    best = float("inf")
-    for _ in range(rounds):
-        start = time.perf_counter()
-        job()
-        best = min(best, time.perf_counter() - start)
-    return n / best
 
 
 def main() -> None:
@@ -54,8 +43,7 @@ def main() -> None:
 
     from gaia_uwb.networks import make_network
 
-    config = find_preset("stress").model_copy(update={"vary": {"closure.n_anchors": [12, 12]}})
-    episodes = list(simulate_episodes(config, chosen.windows, seed=0))
+    episodes = stress_windows(chosen.windows)
     folder = find_model(kind, model)
     description = read_description(folder)
     features = make_features(episodes, description.n_anchors, description.normalisation)
@@ -78,7 +66,10 @@ def main() -> None:
         "PyTorch, the network alone": in_pytorch,
         "the denoiser, from episodes to denoised ranges": lambda: denoiser(episodes),
     }
-    print(f"{chosen.model}, {chosen.windows} windows of 64 x {description.n_anchors}, two threads")
+    print(
+        f"{chosen.model}, {chosen.windows} windows of 64 x {description.n_anchors}, "
+        f"{torch.get_num_threads()} threads"
+    )
     for name, job in jobs.items():
         print(f"  {name}: {per_second(job, chosen.windows, chosen.rounds):,.0f} windows/s")
     command = [sys.executable, "-c", _FIRST.format(name=chosen.model)]
