@@ -13,8 +13,8 @@ import numpy as np
 
 from gaia_uwb.config import PipelineConfig, make_config
 from gaia_uwb.episode import Episode
-from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.metrics import score_episode
+from gaia_uwb.path_sides import PathSides
 from gaia_uwb.pipeline import prepare, reconstruct_episodes
 from gaia_uwb.sources import load_scenes
 
@@ -26,8 +26,7 @@ OTHER = {"left": "right", "right": "left"}
 def side_of(episode: Episode) -> str | None:
     """Return the side on which all true places are, or None where they are on both."""
     assert episode.truth is not None
-    facts = KnownFacts(PipelineConfig().prior, episode.position_m, {}, episode.anchor_ids)
-    left = facts.left_of_path(episode.truth.anchor_m)
+    left = PathSides(episode.position_m).are_left(episode.truth.anchor_m)
     if left.all():
         return "left"
     return None if left.any() else "right"

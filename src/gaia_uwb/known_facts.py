@@ -22,11 +22,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64, Int64
+from gaia_uwb._typing import Array, Float64, Int64
 from gaia_uwb.config import KnownAnchor, PriorConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.locate import Hypotheses
+from gaia_uwb.path_sides import PathSides
 from gaia_uwb.projection import to_local
 from gaia_uwb.scene import LocalFrame
 
@@ -39,7 +40,6 @@ _CONSISTENT = 13.8  # squared distance in standard deviations: 99.9 % of two coo
 _NEIGHBOUR_SIGMA = 3.0
 _CLEARLY_NOT = 0.05
 _ROUNDS = 3
-_CHUNK = 1 << 22
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,9 @@ class KnownFacts:
         prior, found = self.prior, []
         if prior.side is not None or prior.closure is not None:
             covariance_m2 = (hypotheses.covariance_m2 * hypotheses.factor()[:, None])[located]
-            left = self._left(hypotheses.position_m[located], covariance_m2)
+            left = PathSides(self.path_m).left_probability(
+                hypotheses.position_m[located], covariance_m2
+            )
             left = left[np.arange(len(located)), side]
         words = said_words(prior)
         if prior.side is not None:
@@ -233,7 +235,9 @@ class KnownFacts:
         side = self.prior.side
         if side is None or any(f"all cones are on the {side}" in reason for reason in reasons):
             return ()
-        left = self._left(place_m[:, None], covariance_m2[:, None])[:, 0]
+        left = PathSides(self.path_m).left_probability(place_m[:, None], covariance_m2[:, None])[
+            :, 0
+        ]
         holds = left if side == "left" else 1.0 - left
         wrong = [name for name, share in zip(ids, holds, strict=True) if share < _CLEARLY_NOT]
         if not wrong:
@@ -258,50 +262,6 @@ class KnownFacts:
         each = np.log((1.0 - error) * holds + error * (1.0 - holds)) + np.log(2.0)
         return np.asarray(each.sum(axis=1))
 
-    def left_of_path(self, place_m: Float64[Array, "M 2"]) -> Bool[Array, "M"]:
-        """Return whether places are left of the nearest stretch of path.
-
-        Parameters
-        ----------
-        place_m : (M, 2)
-            East and north, in metres.
-        """
-        exact = np.zeros((len(place_m), 1, 2, 2))
-        return self._left(place_m[:, None], exact)[:, 0] > 0.5
-
-    def _nearest(self, place_m: Float64[Array, "M H 2"]) -> Int64[Array, "M H"]:
-        """Return the step of the path that is nearest to each place."""
-        flat = place_m.reshape(-1, 2)
-        size = max(1, _CHUNK // len(self.path_m))
-        nearest = [
-            ((flat[start : start + size, None] - self.path_m) ** 2).sum(axis=2).argmin(axis=1)
-            for start in range(0, len(flat), size)
-        ]
-        return np.concatenate(nearest).reshape(place_m.shape[:2])
-
-    def _left(
-        self, place_m: Float64[Array, "M H 2"], covariance_m2: Float64[Array, "M H 2 2"]
-    ) -> Float64[Array, "M H"]:
-        """Return the probability that places are left of the nearest stretch of path."""
-        step = self._nearest(place_m)
-        reach = max(len(self.path_m) // 50, 1)  # a stretch, not one noisy step
-        first = np.maximum(step - reach, 0)
-        last = np.minimum(step + reach, len(self.path_m) - 1)
-        heading = self.path_m[last] - self.path_m[first]
-        length_m = np.maximum(np.hypot(heading[..., 0], heading[..., 1]), 1e-9)
-        leftward = np.stack([-heading[..., 1], heading[..., 0]], axis=-1) / length_m[..., None]
-        offset_m = ((place_m - self.path_m[step]) * leftward).sum(axis=-1)
-        variance_m2 = np.einsum("mhi,mhij,mhj->mh", leftward, covariance_m2, leftward)
-        scaled = offset_m / np.sqrt(np.maximum(np.nan_to_num(variance_m2, nan=1e12), 1e-6))
-        return np.asarray(1.0 / (1.0 + np.exp(-1.702 * np.clip(scaled, -30.0, 30.0))))
-
-    def _order(
-        self, place_m: Float64[Array, "M 2 2"], side: Int64[Array, "K M"]
-    ) -> Int64[Array, "K M"]:
-        """Return the anchors in the order in which the vehicle passes them."""
-        step = self._nearest(place_m)[np.arange(side.shape[1]), side]
-        return np.argsort(step, axis=1, kind="stable")
-
     def _spaced(
         self, hypotheses: Hypotheses, located: Int64[Array, "M"], side: Int64[Array, "K M"]
     ) -> Float64[Array, "K"]:
@@ -309,7 +269,7 @@ class KnownFacts:
         spacing_m, error = self.prior.spacing_m, self.prior.statement_error
         if spacing_m is None or side.shape[1] < 2:
             return np.zeros(len(side))
-        order = self._order(hypotheses.position_m[located], side)
+        order = PathSides(self.path_m).order(hypotheses.position_m[located], side)
         chosen = np.take_along_axis(side, order, axis=1)
         place_m = hypotheses.position_m[located[order], chosen]
         covariance_m2 = (hypotheses.covariance_m2 * hypotheses.factor()[:, None])[
@@ -360,7 +320,7 @@ class KnownFacts:
         if spacing_m is None or len(place_m) < 2:
             return place_m, own_m2
         side = np.zeros((1, len(place_m)), dtype=np.int64)
-        order = self._order(np.repeat(place_m[:, None], 2, axis=1), side)[0]
+        order = PathSides(self.path_m).order(np.repeat(place_m[:, None], 2, axis=1), side)[0]
         first, second = order[:-1], order[1:]
         m = len(place_m)
         prior = np.zeros((2 * m, 2 * m))
