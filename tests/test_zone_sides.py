@@ -298,6 +298,13 @@ def test_no_combination_is_drawn_twice_and_the_likeliest_come_first(said: dict) 
     assert kept.weight.sum() == pytest.approx(1.0)
 
 
+def test_a_statement_may_be_wrong_of_all_cones_at_once() -> None:
+    decision = decide(zone(0.5, both(8, 1.0)), side="left")
+    for fix in decision.anchors:
+        assert fix.status is AnchorStatus.OK
+        assert fix.mirror_probability == pytest.approx(0.02 * 0.5, rel=0.1)
+
+
 def test_many_open_sides_stay_open_beside_a_statement_that_says_little() -> None:
     n = 30
     decision = decide(zone(0.5, np.full((2, n), 0.7)), known_anchors=[SURVEY])

@@ -147,6 +147,10 @@ class _Choice:
         alone = np.where(best == 1, 1.0 - marginal, marginal)
         log_odds = _log_odds(alone) + _other_side(side, _weight(after), best)
         log_odds -= _other_side(side, _weight(before), best)
+        mirror = 1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0)))
+        if holds is not None:  # where what was said is wrong, it is wrong of all cones at once
+            error = facts.prior.statement_error
+            mirror = (1.0 - error) * mirror + error * alone
         place_m = surveyed.position_m[located, best]
         covariance_m2 = surveyed.covariance_m2[located, best]
         if holds is not None:  # a spacing says nothing of what moves neighbours alike
@@ -160,7 +164,7 @@ class _Choice:
             best,
             place_m,
             covariance_m2,
-            1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0))),
+            mirror,
             reasons,
         )
 
