@@ -188,7 +188,7 @@ def calibrate(n: int, config: PipelineConfig) -> None:
     for inner, outer, (right_inner, right_outer) in zip(INNER, OUTER, share, strict=True):
         print(f"inner {inner:.3f}: {right_inner:.3f}   outer {outer:.2f}: {right_outer:.3f}")
     chosen = [np.interp(PROBABILITY, share[:, k], (INNER, OUTER)[k]) for k in (0, 1)]
-    print(f"of {len(cases)} zones; 90 % at inner {chosen[0]:.3f}, outer {chosen[1]:.2f}")
+    print(f"of {len(cases)} zones; 90 % at inner {chosen[0]:.3f}, outer {chosen[1]:.3f}")
 
 
 def main() -> None:

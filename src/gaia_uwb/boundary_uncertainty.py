@@ -82,7 +82,7 @@ class Levels:
         learned
             Like :class:`~gaia_uwb.sides.Combinations`.
         """
-        return cls(inner=0.90, outer=0.92) if learned else cls()
+        return cls(inner=0.90, outer=0.905) if learned else cls()
 
 
 _SIMPLIFY_M = 0.002  # corners of a region that matter less are left out
