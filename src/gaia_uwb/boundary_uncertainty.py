@@ -70,8 +70,8 @@ class Levels:
         Above 0, at most 1.
     """
 
-    inner: float = 0.987
-    outer: float = 0.78
+    inner: float = 0.985
+    outer: float = 0.772
 
     @classmethod
     def of(cls, *, learned: bool) -> Levels:
