@@ -106,6 +106,7 @@ def test_what_is_done_is_not_done_again(logs: Path, one: Path) -> None:
 def test_results_inside_the_folder_of_logs_are_no_zone(logs: Path, tmp_path: Path) -> None:
     source = tmp_path / "drives"
     shutil.copytree(logs / "zone-0", source / "zone-0")
+    (source / "loop").symlink_to("loop")
     for out in (source / "out", source / "zone-0" / "out"):
         write_tables(list(reconstruct_fleet(find_zones(source, out), out, RAW)), out)
         (zone,) = find_zones(source, out)

@@ -209,8 +209,8 @@ def _folder(source: Path, out: Path | None) -> dict[str, list[str]]:
         return is_described(path) or is_native(path)
 
     def inside(folder: Path) -> list[Path]:
-        results = None if out is None else out.resolve()
-        return [path for path in visible(folder) if path.resolve() != results]
+        results = None if out is None else os.path.realpath(out)
+        return [path for path in visible(folder) if os.path.realpath(path) != results]
 
     zones: dict[str, list[str]] = {}
     for path in inside(source):

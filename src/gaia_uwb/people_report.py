@@ -99,7 +99,8 @@ def _doubtful_cones(anchors: Sequence[AnchorFix]) -> Iterator[str]:
     """Count the cones that are not simply located."""
     undecided = sum(anchor.side_is_open for anchor in anchors)
     if undecided:
-        yield f"the side of the path on which {_of_all(undecided, anchors)} stand is not certain"
+        verb = "stands" if undecided == 1 else "stand"
+        yield f"the side of the path on which {_of_all(undecided, anchors)} {verb} is not certain"
     for status, state in _STATES.items():
         count = sum(anchor.status is status for anchor in anchors)
         if count and status not in (AnchorStatus.OK, AnchorStatus.AMBIGUOUS):

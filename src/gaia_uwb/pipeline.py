@@ -107,9 +107,14 @@ class Reconstruction:
     @property
     def stated(self) -> tuple[str, ...]:
         """What was said of the zone beforehand and went into the result, in words."""
-        words = said_words(self.config.prior).values()
+        words = said_words(self.config.prior)
+        for fix in self.anchors:
+            if not fix.status.has_position:
+                words.pop(f"known_anchors.{fix.anchor_id}", None)
         against = [reason for reason in self.reasons if reason.startswith(AGAINST)]
-        return tuple(said for said in words if not any(f'"{said}"' in each for each in against))
+        return tuple(
+            said for said in words.values() if not any(f'"{said}"' in each for each in against)
+        )
 
     @property
     def name(self) -> str:

@@ -13,7 +13,7 @@ import polars as pl
 import pytest
 
 from gaia_uwb.datasets import episodes as module
-from gaia_uwb.datasets.episodes import read_episodes, write_episodes
+from gaia_uwb.datasets.episodes import count_episodes, read_episodes, write_episodes
 from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError, InputError, SourceError
 from gaia_uwb.simulate import PRESETS, simulate_episodes
@@ -73,6 +73,13 @@ def test_pandas_reads_the_folder(folder: Path) -> None:
 def test_a_folder_with_episodes_is_left_alone(folder: Path) -> None:
     with pytest.raises(SourceError, match="already"):
         next(write_episodes(EPISODES, folder))
+
+
+def test_a_missing_part_is_noticed(folder: Path) -> None:
+    assert count_episodes(folder) == 7
+    (folder / "episodes-000001.parquet").unlink()
+    with pytest.raises(SourceError, match=r"episodes-000001\.parquet is missing"):
+        count_episodes(folder)
 
 
 WRITE_HALF = """

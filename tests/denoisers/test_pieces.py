@@ -109,6 +109,54 @@ def test_sections_that_contradict_each_other_keep_their_own_sides() -> None:
     assert (left[:2] > 0.99).all() and (left[2:] < 0.01).all()
 
 
+def test_sections_that_are_fairly_sure_of_opposite_sides_are_two_zones() -> None:
+    episode = drive(np.full(3000, 1.0), [100, 400, 700, 1500, 2300, 2600, 2900])
+    pieces = pieces_of(episode)
+    answers = [answer(p, episode, 2.5 if p.steps.stop < 2400 else -2.5, 0.99) for p in pieces]
+    zone = put_together(episode, pieces, answers).zone
+    assert zone is not None
+    left = zone.scene_probability @ zone.left_probability
+    assert left[0] > 0.85 and left[-1] < 0.15
+
+
+def test_where_the_vehicle_turns_back_left_and_right_change_places() -> None:
+    out = np.stack([np.arange(1001.0), np.zeros(1001)], axis=1)
+    path = np.concatenate([out, out[::-1] + np.array([0.0, 4.0])])
+    places = np.array([[100.0 * k + 50.0, 9.0] for k in range(10)])  # left on the way out
+    range_m = np.linalg.norm(path[:, None] - places, axis=2)
+    episode = Episode(
+        name="back",
+        anchor_ids=tuple("abcdefghij"),
+        t_s=0.1 * np.arange(len(path)),
+        position_m=path,
+        range_m=np.where(range_m < 150.0, range_m, np.nan),
+        valid=range_m < 150.0,
+    )
+    pieces = pieces_of(episode)
+    answers = []
+    for piece in pieces:
+        part = piece.of(episode)
+        n, ahead = part.n_anchors, part.position_m[-1, 0] > part.position_m[0, 0]
+        north_m = places[piece.heard]
+        south_m = north_m * [1.0, -1.0]
+        both_m = np.stack([north_m, south_m] if ahead else [south_m, north_m], axis=1)
+        left = 0.97 if ahead else 0.03
+        zone = ZonePosterior(
+            place_m=both_m,
+            covariance_m2=np.broadcast_to(np.eye(2), (n, 2, 2, 2)),
+            scene_probability=np.array([left, 1.0 - left]),
+            left_probability=np.stack([np.full(n, 0.98), np.full(n, 0.02)]),
+            located=np.ones(n, dtype=bool),
+        )
+        sigma_m = np.where(part.valid, 0.1, np.nan)
+        answers.append(DenoisedRanges(part.range_m, sigma_m, part.valid, zone))
+    zone = put_together(episode, pieces, answers).zone
+    assert zone is not None
+    assert (zone.place_m[:, 0, 1] == 9.0).all()  # the first place is the same side of all
+    left_probability = zone.scene_probability @ zone.left_probability
+    assert (left_probability > 0.95).all()
+
+
 def test_an_anchor_of_which_nothing_was_said_is_not_located() -> None:
     episode = drive(np.full(2000, 1.0), [100, 1900])
     pieces = pieces_of(episode)

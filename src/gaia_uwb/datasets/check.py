@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from gaia_uwb._text import in_a_line
-from gaia_uwb._typing import Array, Bool, Float64
+from gaia_uwb._typing import Array, Bool, Float64, Int64
 from gaia_uwb.datasets.observability import Observability, observe
 from gaia_uwb.datasets.outdoor_static import StaticFile, load_static
 from gaia_uwb.errors import GaiaError
@@ -28,8 +28,8 @@ them."""
 SPIKE_M = 1.0
 """A reading further than this from what most of the readings around it predict is a spike."""
 
-_PAIRS, _FEWEST_PAIRS = 7, 3  # of readings before and after a reading
-_NEAR_M = 0.5
+_PAIRS, _FEWEST_PAIRS = 7, 3  # of readings before, about and after a reading
+_NEAR_M, _STANDS_M = 0.5, 0.1
 
 PARKED_BELOW_M = 1.0
 """A vehicle whose whole path fits into this stood still."""
@@ -308,29 +308,47 @@ def _check_anchor(scene: Scene, index: int) -> AnchorCheck:
 def _spikes(
     t_s: Float64[Array, "R"], range_m: Float64[Array, "R"], drive: Trajectory
 ) -> Bool[Array, "R"]:
-    """Return which readings do not go with most pairs of readings before and after them.
+    """Return which readings do not go with most pairs of other readings near them.
 
-    Along a chord of the path the square of the distance to any place is that at the ends, between
-    them in proportion, less w (1 - w) times the chord's square: so a pair predicts what is between
-    without knowing where the anchor stands. Near an anchor that is passed fast a pair predicts
-    badly, and is asked less.
+    Along a chord of the path the square of the distance to any place is that at its ends, between
+    them in proportion, less w (1 - w) times the chord's square: so two readings predict a third
+    without knowing where the anchor stands. What predicts badly (readings near an anchor that is
+    passed fast, beyond a pair, or away from its chord) is asked less.
     """
+    path_m = np.column_stack([np.interp(t_s, drive.t_s, axis) for axis in drive.position_m.T])
     range_m = np.where(range_m < 0.0, np.nan, range_m)
     votes, pairs = np.zeros((2, len(range_m)))
-    path_m = np.column_stack([np.interp(t_s, drive.t_s, axis) for axis in drive.position_m.T])
-    for reach in range(1, min(_PAIRS, (len(range_m) - 1) // 2) + 1):
-        middle = slice(reach, -reach)
-        early, late = slice(None, -2 * reach), slice(2 * reach, None)
-        w = (t_s[middle] - t_s[early]) / np.maximum(t_s[late] - t_s[early], 1e-9)
-        chord2_m2 = ((path_m[late] - path_m[early]) ** 2).sum(axis=1)
-        ends_m2 = (1.0 - w) * range_m[early] ** 2 + w * range_m[late] ** 2
-        predicted_m = np.sqrt(np.maximum(ends_m2 - w * (1.0 - w) * chord2_m2, 0.0))
-        error = np.hypot((1.0 - w) * range_m[early], w * range_m[late])
-        error /= np.maximum(predicted_m, _NEAR_M)
-        off_m = np.abs(range_m[middle] - predicted_m)
-        votes[middle] += off_m > SPIKE_M * np.maximum(error, 1.0)
-        pairs[middle] += np.isfinite(off_m)
+    for reach in range(1, _PAIRS + 1):
+        # Before and after the reading, both before it, both after it.
+        for first, second in ((-reach, reach), (-2 * reach, -reach), (reach, 2 * reach)):
+            own = np.arange(max(0, -first), len(range_m) - max(0, second))
+            off_m, error = _misfit(own, own + first, own + second, t_s, range_m, path_m)
+            votes[own] += off_m > SPIKE_M * np.maximum(error, 1.0)
+            pairs[own] += np.isfinite(off_m)
     return np.asarray((votes > 0.5 * pairs) & (pairs >= _FEWEST_PAIRS))
+
+
+def _misfit(
+    own: Int64[Array, "K"],
+    first: Int64[Array, "K"],
+    second: Int64[Array, "K"],
+    t_s: Float64[Array, "R"],
+    range_m: Float64[Array, "R"],
+    path_m: Float64[Array, "R 2"],
+) -> tuple[Float64[Array, "K"], Float64[Array, "K"]]:
+    """Return how far readings are from what two others predict, and how much worse that errs."""
+    chord_m, along_m = path_m[second] - path_m[first], path_m[own] - path_m[first]
+    chord2_m2 = (chord_m**2).sum(axis=1)
+    moves = chord2_m2 > _STANDS_M**2
+    by_time = (t_s[own] - t_s[first]) / np.maximum(t_s[second] - t_s[first], 1e-9)
+    by_path = (along_m * chord_m).sum(axis=1) / np.maximum(chord2_m2, _STANDS_M**2)
+    w = np.where(moves, by_path, np.clip(by_time, -1.0, 2.0))
+    aside_m = np.linalg.norm(along_m - w[:, None] * chord_m, axis=1)
+    ends_m2 = (1.0 - w) * range_m[first] ** 2 + w * range_m[second] ** 2
+    predicted_m = np.sqrt(np.maximum(ends_m2 - w * (1.0 - w) * chord2_m2, 0.0))
+    error = np.hypot((1.0 - w) * range_m[first], w * range_m[second])
+    error /= np.maximum(np.fmin(predicted_m, range_m[own]), _NEAR_M)
+    return np.abs(range_m[own] - predicted_m) - aside_m, error
 
 
 def _share(found: Bool[Array, "R"]) -> float:

@@ -7,6 +7,7 @@ and metres, project, and move to the tag's antenna.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from gaia_uwb.datasets import _plausible
@@ -89,7 +90,8 @@ def named_elsewhere(folder: Path) -> list[Path]:
     if not (folder / FILE_NAME).is_file():
         return []
     named = [folder / name for name in read_description(folder / FILE_NAME).names()]
-    return [path for path in named if folder.resolve() not in path.resolve().parents]
+    inside = Path(os.path.realpath(folder))
+    return [path for path in named if inside not in Path(os.path.realpath(path)).parents]
 
 
 class _Reader:

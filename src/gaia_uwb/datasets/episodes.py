@@ -98,7 +98,7 @@ def write_episodes(
     for part, batch in enumerate(_batches(episodes), start=len(parts)):
         table = pl.DataFrame(_table(batch), nan_to_null=True)
         write = partial(table.write_parquet, compression_level=_COMPRESSION)
-        output.write(f"episodes-{part:06d}.parquet", write)
+        output.write(_part_name(part), write)
         done += len(batch)
         yield done
 
@@ -115,8 +115,14 @@ def count_episodes(folder: Path) -> int:
     ------
     InputError
         If a part cannot be read.
+    SourceError
+        If a part is missing among the others.
     """
-    return sum(map(_count_in_part, _parts(folder)))
+    parts = _parts(folder)
+    for k, part in enumerate(parts):
+        if part.name != _part_name(k):
+            raise SourceError(f"{folder}: {_part_name(k)} is missing among the episodes there")
+    return sum(map(_count_in_part, parts))
 
 
 def read_episodes(folder: Path) -> Iterator[Episode]:
@@ -147,6 +153,10 @@ def read_episodes(folder: Path) -> Iterator[Episode]:
 
 def _parts(folder: Path) -> list[Path]:
     return sorted(folder.glob("episodes-*.parquet"))
+
+
+def _part_name(k: int) -> str:
+    return f"episodes-{k:06d}.parquet"
 
 
 def _batches(episodes: Iterable[Episode]) -> Iterator[list[Episode]]:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Int64
+from gaia_uwb._typing import Array, Bool, Float64, Int64
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.model import SET_FARTHEST_M, SET_LONGEST_STEPS, SET_MOST_ANCHORS
 from gaia_uwb.zone_posterior import ZonePosterior
@@ -157,16 +157,43 @@ def put_together(
     )
 
 
+def _turned(zone: ZonePosterior, seen_m: Float64[Array, "K 2 2"]) -> ZonePosterior:
+    """Return what was said of a section with left and right as in the sections before.
+
+    A vehicle that turns back has on its left what was on its right: the anchors that it hears again
+    tell, by their two places.
+    """
+    again = zone.located & np.isfinite(seen_m).all(axis=(1, 2))
+    if not again.any():
+        return zone
+    as_is = np.linalg.norm(zone.place_m[again] - seen_m[again], axis=2).sum()
+    swapped = np.linalg.norm(zone.place_m[again, ::-1] - seen_m[again], axis=2).sum()
+    if as_is <= swapped:
+        return zone
+    return replace(
+        zone,
+        place_m=zone.place_m[:, ::-1],
+        covariance_m2=zone.covariance_m2[:, ::-1],
+        scene_probability=zone.scene_probability[::-1],
+        left_probability=1.0 - zone.left_probability[::-1],
+    )
+
+
 def _one_zone(
     episode: Episode, pieces: Sequence[Piece], found: Sequence[DenoisedRanges]
 ) -> ZonePosterior:
     n = episode.n_anchors
     place_m, covariance_m2 = np.zeros((n, 2, 2)), np.tile(np.eye(2), (n, 2, 1, 1))
     left, located = np.full((2, n), 0.5), np.zeros(n, dtype=np.bool_)
-    own_left, log_odds = np.full(n, 0.5), []
+    own_left, log_odds, evidence = np.full(n, 0.5), [], 0.0
+    seen_m = np.full((n, 2, 2), np.nan)
     for piece, part in zip(pieces, found, strict=True):
-        zone, columns = part.zone, piece.heard[piece.own]
-        if zone is None or not len(columns):
+        if part.zone is None:
+            continue
+        zone = _turned(part.zone, seen_m[piece.heard])
+        seen_m[piece.heard[zone.located]] = zone.place_m[zone.located]
+        columns = piece.heard[piece.own]
+        if not len(columns):
             continue
         place_m[columns] = zone.place_m[piece.own]
         covariance_m2[columns] = zone.covariance_m2[piece.own]
@@ -176,9 +203,10 @@ def _one_zone(
         # A range is in two sections; as evidence it counts in that of its anchor.
         share = part.valid[:, piece.own].sum() / part.valid.sum()
         probability = np.clip(zone.scene_probability, 1e-12, 1.0)
-        log_odds.append(share * float(np.log(probability[0] / probability[1])))
+        log_odds.append(float(np.log(probability[0] / probability[1])))
+        evidence += share * log_odds[-1]
     one_zone = not log_odds or min(log_odds) > -_SURE or max(log_odds) < _SURE
-    scene = 1.0 / (1.0 + np.exp(-np.clip(sum(log_odds), -50.0, 50.0))) if one_zone else 0.5
+    scene = 1.0 / (1.0 + np.exp(-np.clip(evidence, -50.0, 50.0))) if one_zone else 0.5
     return ZonePosterior(
         place_m=place_m,
         covariance_m2=covariance_m2,
