@@ -69,7 +69,7 @@ def test_ideal_run() -> None:
     sure = parts["How sure it is"]
     assert "a cone stands within 0.45 m of its place" in sure
     assert "has less than 1 % probability (cone-0)" in sure
-    assert "0.180 s late" in sure
+    assert "0.180 s ahead of those of the positions" in sure
     assert "to within 0.016 s (90 % probability)" in sure
     assert "read 0.10 m too long at 10 m" in sure
     assert parts["What limited it"].strip().startswith("No check found a limit.")
@@ -155,7 +155,7 @@ def test_real_run(outdoor_dir: Path) -> None:
     parts = read(result)
     assert "**Reliable.** 4 of 4 cones were located." in parts[""]
     assert "178.1 s" in parts["What was found"]
-    assert "s late against those" in parts["How sure it is"]
+    assert "s ahead of those" in parts["How sure it is"]
     regions = result.boundary_uncertainty
     assert regions is not None
     assert (
@@ -236,8 +236,8 @@ def test_several_passes_are_told_one_by_one() -> None:
     text = people_report(replace(near, more_passes=((other, near.denoised),)))
     assert text.startswith("# Work zone: a drive and 1 more\n")
     assert "2 drives past the zone were put together: a drive took 19.9 s" in text
-    assert "In a drive: The time stamps of the ranges were 0.180 s late" in text
-    assert r"In second \*drive\*: The time stamps of the ranges were 0.300 s early" in text
+    assert "In a drive: The time stamps of the ranges were 0.180 s ahead of" in text
+    assert r"In second \*drive\*: The time stamps of the ranges were 0.300 s behind those" in text
 
 
 def test_a_limit_of_one_pass_names_it_and_a_common_one_is_said_once() -> None:

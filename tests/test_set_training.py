@@ -127,3 +127,18 @@ def test_a_damaged_state_is_refused(tmp_path: Path) -> None:
     (tmp_path / STATE).write_bytes(b"\x80\x04pickle")
     with pytest.raises(ConfigError, match="training-state"):
         train_tiny_set(tmp_path, portions=1)
+
+
+def test_a_step_without_a_finite_gradient_is_left_out_and_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    norms = iter([torch.tensor(torch.nan)])
+    clip = torch.nn.utils.clip_grad_norm_
+    monkeypatch.setattr(
+        torch.nn.utils, "clip_grad_norm_", lambda *given: next(norms, None) or clip(*given)
+    )
+    train_tiny_set(tmp_path, portions=1, portion_episodes=64)
+    (line,) = map(json.loads, (tmp_path / LOG).read_text(encoding="utf-8").splitlines())
+    assert line["skipped_steps"] == 1
+    assert line["steps"] > 1
+    assert all(np.isfinite(value) for value in line["training"].values())

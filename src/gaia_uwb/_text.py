@@ -1,4 +1,4 @@
-r"""Text from a log (names, ids) on its way into a file that gives some characters a meaning.
+r"""Text for people: names and ids from a log made harmless, and numbers as people read them.
 
 >>> print(printable("A\u202eB"), in_markdown("*1* <b>"), in_html("<b>"))
 A\u202eB \*1\* \<b\> &lt;b&gt;
@@ -114,3 +114,40 @@ def in_html(text: str) -> str:
         Any.
     """
     return html.escape(printable(text))
+
+
+def metres(value_m: float) -> str:
+    """Return a length as people read it.
+
+    Parameters
+    ----------
+    value_m
+        In metres.
+
+    Examples
+    --------
+    >>> metres(0.123), metres(45.67), metres(1234.5)
+    ('0.12 m', '45.7 m', '1234 m')
+    """
+    digits = 2 if abs(value_m) < 10.0 else 1 if abs(value_m) < 100.0 else 0
+    return f"{value_m:.{digits}f} m"
+
+
+def percent(share: float) -> str:
+    """Return a share as people read it: no certainty is claimed that is only rounding.
+
+    Parameters
+    ----------
+    share
+        Between 0 and 1.
+
+    Examples
+    --------
+    >>> percent(0.002), percent(0.37), percent(0.999)
+    ('less than 1 %', '37 %', 'more than 99 %')
+    """
+    if share < 0.01:
+        return "less than 1 %"
+    if share > 0.99:
+        return "more than 99 %"
+    return f"{100.0 * share:.0f} %"

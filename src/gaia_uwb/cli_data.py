@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from gaia_uwb._text import written_out
 from gaia_uwb.cli_options import DataDirOption, SourceArgument
 from gaia_uwb.terminal import progress_bar
 
@@ -67,7 +66,7 @@ def data_check(
         typer.echo(json.dumps(content, indent=1, allow_nan=False))
     else:
         for report in reports:
-            typer.echo("\n".join(map(written_out, report.lines())))
+            typer.echo("\n".join(report.lines()))
     if not all(report.readable for report in reports):
         raise typer.Exit(BAD_INPUT)
     if any(report.problems for report in reports):

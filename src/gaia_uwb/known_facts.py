@@ -135,6 +135,10 @@ class KnownFacts:
             surveyed[episode.anchor_ids.index(known.anchor_id)] = (place_m, known.sigma_m)
         return cls(prior, episode.position_m, surveyed, episode.anchor_ids)
 
+    @property
+    def _path(self) -> PathSides:
+        return PathSides(self.path_m)
+
     def statements(
         self, hypotheses: Hypotheses, located: Int64[Array, "M"], side: Int64[Array, "K M"]
     ) -> list[Statement]:
@@ -152,9 +156,7 @@ class KnownFacts:
         prior, found = self.prior, []
         if prior.side is not None or prior.closure is not None:
             covariance_m2 = (hypotheses.covariance_m2 * hypotheses.factor()[:, None])[located]
-            left = PathSides(self.path_m).left_probability(
-                hypotheses.position_m[located], covariance_m2
-            )
+            left = self._path.left_probability(hypotheses.position_m[located], covariance_m2)
             left = left[np.arange(len(located)), side]
         words = said_words(prior)
         if prior.side is not None:
@@ -233,11 +235,9 @@ class KnownFacts:
             What was already said against a statement: one that is not used has no exceptions.
         """
         side = self.prior.side
-        if side is None or any(f"all cones are on the {side}" in reason for reason in reasons):
+        if side is None or any(said_words(self.prior)["side"] in reason for reason in reasons):
             return ()
-        left = PathSides(self.path_m).left_probability(place_m[:, None], covariance_m2[:, None])[
-            :, 0
-        ]
+        left = self._path.left_probability(place_m[:, None], covariance_m2[:, None])[:, 0]
         holds = left if side == "left" else 1.0 - left
         wrong = [name for name, share in zip(ids, holds, strict=True) if share < _CLEARLY_NOT]
         if not wrong:
@@ -269,7 +269,7 @@ class KnownFacts:
         spacing_m, error = self.prior.spacing_m, self.prior.statement_error
         if spacing_m is None or side.shape[1] < 2:
             return np.zeros(len(side))
-        order = PathSides(self.path_m).order(hypotheses.position_m[located], side)
+        order = self._path.order(hypotheses.position_m[located], side)
         chosen = np.take_along_axis(side, order, axis=1)
         place_m = hypotheses.position_m[located[order], chosen]
         covariance_m2 = (hypotheses.covariance_m2 * hypotheses.factor()[:, None])[
@@ -320,7 +320,7 @@ class KnownFacts:
         if spacing_m is None or len(place_m) < 2:
             return place_m, own_m2
         side = np.zeros((1, len(place_m)), dtype=np.int64)
-        order = PathSides(self.path_m).order(np.repeat(place_m[:, None], 2, axis=1), side)[0]
+        order = self._path.order(np.repeat(place_m[:, None], 2, axis=1), side)[0]
         first, second = order[:-1], order[1:]
         m = len(place_m)
         prior = np.zeros((2 * m, 2 * m))

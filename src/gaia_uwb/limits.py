@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gaia_uwb._text import printable
+from gaia_uwb._text import metres, percent, printable
 from gaia_uwb._typing import Array, Bool, Float64
 from gaia_uwb.advice import Advice
 from gaia_uwb.config import PipelineConfig
@@ -139,43 +139,6 @@ def limits_of_reasons(
         for start, kind, advice in kinds
         if reason.startswith(start)
     )
-
-
-def metres(value_m: float) -> str:
-    """Return a length as people read it.
-
-    Parameters
-    ----------
-    value_m
-        In metres.
-
-    Examples
-    --------
-    >>> metres(0.123), metres(45.67), metres(1234.5)
-    ('0.12 m', '45.7 m', '1234 m')
-    """
-    digits = 2 if abs(value_m) < 10.0 else 1 if abs(value_m) < 100.0 else 0
-    return f"{value_m:.{digits}f} m"
-
-
-def percent(share: float) -> str:
-    """Return a share as people read it: no certainty is claimed that is only rounding.
-
-    Parameters
-    ----------
-    share
-        Between 0 and 1.
-
-    Examples
-    --------
-    >>> percent(0.002), percent(0.37), percent(0.999)
-    ('less than 1 %', '37 %', 'more than 99 %')
-    """
-    if share < 0.01:
-        return "less than 1 %"
-    if share > 0.99:
-        return "more than 99 %"
-    return f"{100.0 * share:.0f} %"
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from gaia_uwb._text import in_markdown
+from gaia_uwb._text import in_markdown, metres, percent
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.advice import Advice
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, BoundaryStatus
-from gaia_uwb.limits import SIGMAS_90, Limit, find_limits, limits_of_reasons, metres, percent
+from gaia_uwb.limits import SIGMAS_90, Limit, find_limits, limits_of_reasons
 from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
 from gaia_uwb.projection import to_geodetic
 from gaia_uwb.residuals import range_residual_m
@@ -234,10 +234,10 @@ def _regions(reconstruction: Reconstruction) -> Iterator[str]:
 def _corrections(episode: Episode) -> Iterator[str]:
     clock, found = episode.clock, episode.calibration
     if clock is not None and clock.applied:
-        way = "late" if clock.offset_s > 0 else "early"
+        way = "ahead of" if clock.offset_s > 0 else "behind"
         yield (
-            f"The time stamps of the ranges were {abs(clock.offset_s):.3f} s {way} against those "
-            "of the positions and were corrected, to within "
+            f"The time stamps of the ranges were {abs(clock.offset_s):.3f} s {way} those of the "
+            "positions and were corrected, to within "
             f"{max(SIGMAS_90 * clock.sigma_s, 0.001):.3f} s (90 % probability)."
         )
     elif clock is not None and clock.sigma_s > _SMALL_S:

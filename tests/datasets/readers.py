@@ -18,6 +18,7 @@ import yaml
 from good_logs import LOGS, write_own
 from outdoor_files import ROW, SUMMARY, write_run, write_static
 
+from gaia_uwb._text import written_out
 from gaia_uwb.cli import app
 from gaia_uwb.config import PipelineConfig, dump_config, load_config
 from gaia_uwb.datasets.check import CheckReport, check_outdoor_static
@@ -133,7 +134,8 @@ def write_simulated_episodes(folder: Path) -> Path:
 
 
 def read_all_episodes(folder: Path) -> list[str]:
-    return [f"{episode.name}: {episode.n_steps} steps" for episode in read_episodes(folder)]
+    lines = [f"{episode.name}: {episode.n_steps} steps" for episode in read_episodes(folder)]
+    return [written_out(line) for line in lines]
 
 
 # What else a user hands in -----------------------------------------------------------------------
@@ -237,7 +239,7 @@ def write_fleet(folder: Path, suffix: str = ".csv") -> Path:
 
 
 def list_fleet(manifest: Path) -> list[str]:
-    return [f"{zone.name}: {len(zone.logs)} logs" for zone in find_zones(manifest)]
+    return [written_out(f"{zone.name}: {len(zone.logs)} logs") for zone in find_zones(manifest)]
 
 
 def reconstruct_fleet(manifest: Path) -> None:

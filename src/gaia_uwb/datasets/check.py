@@ -140,7 +140,7 @@ class CheckReport:
         return cls(name, problems=(str(error),), readable=False)
 
     def lines(self) -> list[str]:
-        """Return the report as lines of text."""
+        """Return the report as lines of text that a screen can show."""
         lines = [self.name]
         if self.drive is not None:
             d = self.drive
