@@ -13,13 +13,14 @@ import numpy as np
 
 from gaia_uwb.config import PipelineConfig, make_config
 from gaia_uwb.episode import Episode
+from gaia_uwb.estimate import ReasonKind
 from gaia_uwb.metrics import score_episode
 from gaia_uwb.path_sides import PathSides
 from gaia_uwb.pipeline import prepare, reconstruct_episodes
 from gaia_uwb.sources import load_scenes
 
 Said = Callable[[Episode], dict[str, object]]
-OBJECTIONS = ("speak against", "were said to be")  # in a result's reasons
+OBJECTIONS = {ReasonKind.STATEMENT, ReasonKind.EXCEPTION}
 OTHER = {"left": "right", "right": "left"}
 
 
@@ -58,7 +59,7 @@ def row(name: str, said: Said, episodes: list[Episode], denoiser: str) -> str:
         config = make_config({"denoiser": denoiser, "prior": said(episode)})
         (found,) = reconstruct_episodes([episode], config)
         scores.append(score_episode(episode, found.denoised, found.anchors))
-        noticed.append(any(word in reason for reason in found.reasons for word in OBJECTIONS))
+        noticed.append(any(reason.kind in OBJECTIONS for reason in found.reasons))
         doubtful.append(np.mean([fix.side_is_open for fix in found.anchors]))
     cells = []
     for metric, scale, digits in (

@@ -9,7 +9,7 @@ import numpy as np
 
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import ClockOffset, DenoisedRanges, Episode, RangeCalibration
-from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus
+from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus, Reason, ReasonKind
 from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
 from gaia_uwb.scene import LocalFrame
 
@@ -35,6 +35,11 @@ def make_unlocated(anchor_id: str) -> AnchorFix:
         anchor_id, NOWHERE, covariance_m2=np.full((2, 2), np.nan), mirror_position_m=NOWHERE,
         mirror_probability=0.0, status=AnchorStatus.TOO_FEW_RANGES, n_ranges=2,
     )  # fmt: skip
+
+
+def make_reason(text: str, kind: ReasonKind = ReasonKind.MISFIT) -> Reason:
+    """Return a reason, by default one that concerns the whole log."""
+    return Reason(kind, text)
 
 
 def make_reconstruction(

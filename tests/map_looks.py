@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from browser import Browser
-from factories import SQUARE_M, make_fix, make_reconstruction, make_unlocated
+from factories import SQUARE_M, make_fix, make_reason, make_reconstruction, make_unlocated
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
 from test_map_page import HOSTILE, make_page
@@ -38,7 +38,7 @@ def write_pages(folder: Path) -> dict[str, Path]:
         "doubtful": replace(
             make_reconstruction(anchor_ids=HOSTILE, changed=doubtful, name=HOSTILE[0]),
             status=ReconstructionStatus.UNRELIABLE,
-            reasons=(f"anchor {HOSTILE[0]}: the other side fits as well",),
+            reasons=(make_reason(f"anchor {HOSTILE[0]}: the other side fits as well"),),
         ),
         "nothing": make_reconstruction(
             changed={k: make_unlocated(f"cone-{k}") for k in range(4)}, frame=None

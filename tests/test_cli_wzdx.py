@@ -94,7 +94,8 @@ def test_unreliable_results_are_written_and_said(
     run: Run, config: Path, results: Path, tmp_path: Path
 ) -> None:
     report = json.loads((results / "report.json").read_text())
-    report |= {"status": "unreliable", "reasons": ["the clocks:\x1b[31m\nunknown"]}
+    reason = {"kind": "clock", "text": "the clocks:\x1b[31m\nunknown"}
+    report |= {"status": "unreliable", "reasons": [reason]}
     (results / "report.json").write_text(json.dumps(report))
     code, lines = run("write", results, "--config", config, "--out", tmp_path / "out", *DATE)
     assert code == 1

@@ -13,6 +13,7 @@ import yaml
 import gaia_uwb
 import page_blocks
 from gaia_uwb.datasets.input_description import InputDescription
+from gaia_uwb.estimate import ReasonKind
 from page_blocks import Block, PageError, Runner, agrees, parse, run_page
 
 ROOT = Path(__file__).parents[1]
@@ -228,3 +229,10 @@ def test_every_page_has_its_place_in_the_navigation() -> None:
     pages = {str(p.relative_to(ROOT / "docs")) for p in (ROOT / "docs").rglob("*.md")}
     assert pages - named == set(), "name the page under nav in mkdocs.yml"
     assert named - pages == {"reference/command-line.md", "reference/settings.md"}
+
+
+def test_the_outputs_page_explains_every_kind_of_reason() -> None:
+    page = (ROOT / "docs" / "reference" / "outputs.md").read_text(encoding="utf-8")
+    explained = set(re.findall(r"`([a-z-]+)`", page.partition("## How to read a reason")[2]))
+    of_limits_only = {"short-path", "few-ranges", "gaps", "blocked", "heights"}
+    assert {kind.value for kind in ReasonKind} - of_limits_only <= explained

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drives_past import CONES_M, IDS, PURE, located, make_pass, place_error_m
-from gaia_uwb.estimate import AnchorStatus
+from gaia_uwb.estimate import AnchorStatus, ReasonKind
 from gaia_uwb.fusion import fuse, mark_moved
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.sides import resolve_sides
@@ -74,7 +74,10 @@ def test_an_anchor_moved_between_passes_is_noticed(k):
     assert apart.distance_m == pytest.approx(1.5, abs=0.25)
     fixes = mark_moved(resolve_sides(IDS, together.hypotheses), together)
     assert [fix.anchor_id for fix in fixes if fix.status is AnchorStatus.MOVED] == [IDS[k]]
-    assert f"anchor {IDS[k]}: the last one alone places it" in " ".join(together.reasons())
+    (reason,) = together.reasons()
+    assert reason.kind is ReasonKind.PASSES_APART
+    assert (reason.cones, reason.passes) == ((IDS[k],), ("the last one",))
+    assert f"anchor {IDS[k]}: the last one alone places it" in str(reason)
     assert place_error_m(together.hypotheses).max() < 0.15  # three passes outvote one
 
 
@@ -90,8 +93,8 @@ def test_honest_passes_disagree_on_nothing():
 def test_passes_in_two_frames_are_noticed():
     one = located(make_pass(0.0))
     other = located(make_pass(3.6, CONES_M + np.array([4.0, -7.0]), seed=1))
-    (reason,) = [text for text in fuse([one, other], PURE).reasons() if "in one frame" in text]
-    assert "standard errors over most anchors" in reason
+    kinds = [reason.kind for reason in fuse([one, other], PURE).reasons()]
+    assert kinds.count(ReasonKind.NOT_ONE_ZONE) == 1
 
 
 def test_errors_larger_than_each_pass_thinks_widen_the_ellipses():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterable
 from dataclasses import replace
 from html.parser import HTMLParser
 from xml.etree import ElementTree as ET
@@ -11,10 +12,10 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from factories import SQUARE_M, make_fix, make_reconstruction, make_unlocated
+from factories import SQUARE_M, make_fix, make_reason, make_reconstruction, make_unlocated
 from gaia_uwb._html import Mark, sketch, summary
 from gaia_uwb._text import printable
-from gaia_uwb.estimate import AnchorStatus
+from gaia_uwb.estimate import AnchorStatus, Reason
 from gaia_uwb.simulate import PRESETS, simulate_pass
 from test_map_page import HOSTILE
 
@@ -42,7 +43,9 @@ def test_reconstruction_shows_the_verdict_and_every_anchor() -> None:
         0: make_fix("cone-0", SQUARE_M[0], status=AnchorStatus.AMBIGUOUS, mirror_probability=0.4),
         3: make_unlocated("cone-3"),
     }
-    reconstruction = replace(make_reconstruction(changed=changed), reasons=("cone-0: side",))
+    reconstruction = replace(
+        make_reconstruction(changed=changed), reasons=(make_reason("cone-0: side"),)
+    )
     seen = Seen(reconstruction._repr_html_())
     assert seen.texts[0] == "a drive"
     assert "ok: 3 of 4 anchors located, boundary ok, 6.0 m²" in seen.texts
@@ -64,12 +67,16 @@ def test_several_passes_are_all_named_and_drawn() -> None:
     assert seen.tags.count("polyline") == 2
 
 
+def made(texts: Iterable[str]) -> tuple[Reason, ...]:
+    return tuple(map(make_reason, texts))
+
+
 def test_hostile_names_stay_text() -> None:
     changed = {3: make_unlocated(HOSTILE[3])}
     hostile = make_reconstruction(anchor_ids=HOSTILE, name=HOSTILE[0], changed=changed)
     harmless = make_reconstruction(changed={3: make_unlocated("cone-3")})
     for shown, usual in (
-        (replace(hostile, reasons=HOSTILE), replace(harmless, reasons=("a", "b", "c", "d"))),
+        (replace(hostile, reasons=made(HOSTILE)), replace(harmless, reasons=made("abcd"))),
         (hostile.episode, harmless.episode),
     ):
         one, other = Seen(shown._repr_html_()), Seen(usual._repr_html_())

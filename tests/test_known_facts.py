@@ -4,6 +4,7 @@ import pytest
 from gaia_uwb.config import KnownAnchor, PipelineConfig, PriorConfig, make_config
 from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError
+from gaia_uwb.estimate import ReasonKind
 from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.pipeline import reconstruct
 from gaia_uwb.projection import to_geodetic
@@ -66,7 +67,9 @@ def test_a_wrong_side_is_told_and_not_used() -> None:
     decision = decide(found, side="right")
     assert wrong_sides(decision, true_m) == 0
     (reason,) = decision.reasons
-    assert reason.startswith('the ranges speak against "all cones are on the right"')
+    assert (reason.kind, reason.statements) == (ReasonKind.STATEMENT, ("side",))
+    assert reason.numbers["likelihood_ratio"] > 20.0
+    assert str(reason).startswith('the ranges speak against "all cones are on the right"')
     plain = decide(found)
     for one, other in zip(plain.anchors, decision.anchors, strict=True):
         assert np.array_equal(one.position_m, other.position_m)
@@ -77,8 +80,10 @@ def test_one_cone_on_the_other_side_is_named() -> None:
     found.position_m[2] *= [1.0, -1.0]
     decision = decide(found, side="left")
     assert wrong_sides(decision, true_m) == 1
-    assert decision.reasons == (
-        "the ranges put cone-2 on the right; all cones were said to be on the left",
+    (reason,) = decision.reasons
+    assert (reason.kind, reason.cones) == (ReasonKind.EXCEPTION, ("cone-2",))
+    assert str(reason) == (
+        "the ranges put cone-2 on the right; all cones were said to be on the left"
     )
 
 
@@ -114,7 +119,8 @@ def test_a_wrong_survey_is_told_and_not_used() -> None:
     found, true_m = make_hypotheses(5, seed=3)
     known = KnownAnchor(anchor_id="cone-1", east_m=true_m[1, 0] + 9.0, north_m=true_m[1, 1])
     decision = decide(found, known_anchors=(known,))
-    assert "anchor cone-1 stands where it was surveyed" in decision.reasons[0]
+    assert decision.reasons[0].statements == ("known_anchors.cone-1",)
+    assert "anchor cone-1 stands where it was surveyed" in str(decision.reasons[0])
     assert np.array_equal(decision.anchors[1].position_m, decide(found).anchors[1].position_m)
 
 
@@ -146,7 +152,8 @@ def test_a_known_spacing_brings_neighbours_to_one_side_and_to_their_distance() -
 def test_a_wrong_spacing_is_told_and_not_used() -> None:
     found, _ = straight_row()
     decision = decide(found, spacing_m=20.0)
-    assert "neighbouring cones stand 20 m apart" in decision.reasons[0]
+    assert decision.reasons[0].statements == ("spacing_m",)
+    assert "neighbouring cones stand 20 m apart" in str(decision.reasons[0])
     assert np.array_equal(decision.anchors[0].position_m, decide(found).anchors[0].position_m)
 
 
@@ -178,7 +185,7 @@ def test_what_is_said_must_be_possible() -> None:
 def test_a_straight_pass_from_the_log_to_the_boundary() -> None:
     scene = simulate_pass(PRESETS["straight"], seed=1)
     plain = reconstruct(scene)
-    assert any("side unknown" in reason for reason in plain.reasons)
+    assert ReasonKind.AMBIGUOUS in {reason.kind for reason in plain.reasons}
     known = reconstruct(scene, make_config({"prior": {"side": "right"}}))
     assert known.reasons == ()
     assert known.boundary_uncertainty.inner.area_m2 > plain.boundary_uncertainty.inner.area_m2

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from factories import make_reconstruction, make_unlocated
+from factories import make_reason, make_reconstruction, make_unlocated
 from gaia_uwb.geojson import boundary_geojson
 from gaia_uwb.map_page import map_page
 from gaia_uwb.pipeline import Reconstruction
@@ -104,7 +104,7 @@ def test_ids_never_become_markup() -> None:
 
 
 def test_reasons_never_become_markup() -> None:
-    reconstruction = replace(make_reconstruction(), reasons=(f"{HOSTILE[0]}: lost",))
+    reconstruction = replace(make_reconstruction(), reasons=(make_reason(f"{HOSTILE[0]}: lost"),))
     assert Page(make_page(reconstruction)).tags == Page(make_page(make_reconstruction())).tags
 
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from markdown_it import MarkdownIt
 
-from factories import SQUARE_M, make_fix, make_reconstruction, make_unlocated
+from factories import SQUARE_M, make_fix, make_reason, make_reconstruction, make_unlocated
 from gaia_uwb.advice import Advice
 from gaia_uwb.boundary_uncertainty import Region
 from gaia_uwb.config import make_config
 from gaia_uwb.episode import ClockOffset
-from gaia_uwb.estimate import AnchorStatus
+from gaia_uwb.estimate import AnchorStatus, ReasonKind
 from gaia_uwb.people_report import people_report
 from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus, reconstruct
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
@@ -195,8 +195,8 @@ def test_reasons_that_no_check_knows_are_passed_on() -> None:
         make_reconstruction(),
         status=ReconstructionStatus.UNRELIABLE,
         reasons=(
-            "83 % of the path lies outside the area of its *training*",
-            f"anchor cone-1: {AnchorStatus.AMBIGUOUS.message}",
+            make_reason("83 % of the path lies outside the area of its *training*"),
+            make_reason("anchor cone-1: any words", ReasonKind.AMBIGUOUS),
         ),
     )
     first = sections(people_report(unreliable))[""]
@@ -222,7 +222,7 @@ def test_hostile_ids_stay_text() -> None:
         3: make_unlocated(HOSTILE[3]),
     }
     reconstruction = make_reconstruction(anchor_ids=HOSTILE, changed=changed, name=HOSTILE[2])
-    parts = read(replace(reconstruction, reasons=(f"{HOSTILE[0]}: lost",),
+    parts = read(replace(reconstruction, reasons=(make_reason(f"{HOSTILE[0]}: lost"),),
                          status=ReconstructionStatus.UNRELIABLE))  # fmt: skip
     rows = table(parts["The cones"])
     assert {len(row) for row in rows} == {10}

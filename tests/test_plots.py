@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from factories import SQUARE_M, make_fix, make_reconstruction, make_unlocated
+from factories import SQUARE_M, make_fix, make_reason, make_reconstruction, make_unlocated
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
 from gaia_uwb.plots import figure_png, figure_svg, plot_reconstruction
@@ -115,7 +115,9 @@ def test_title_says_what_was_found_or_why_it_is_unreliable() -> None:
     texts = [text.get_text() for text in plot_reconstruction(reconstruction).texts]
     assert texts == ["a drive", "3 of 4 cones located, boundary: 6.0 m²"]
     unreliable = replace(
-        reconstruction, status=ReconstructionStatus.UNRELIABLE, reasons=("first", "second")
+        reconstruction,
+        status=ReconstructionStatus.UNRELIABLE,
+        reasons=(make_reason("first"), make_reason("second")),
     )
     texts = [text.get_text() for text in plot_reconstruction(unreliable).texts]
     assert texts[1] == "UNRELIABLE: first; second"

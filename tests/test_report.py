@@ -15,6 +15,7 @@ from factories import SITE, SQUARE_M, make_fix, make_reconstruction, make_unloca
 from gaia_uwb.config import AlignmentConfig, PipelineConfig, load_config
 from gaia_uwb.episode import ClockOffset
 from gaia_uwb.errors import ConfigError
+from gaia_uwb.estimate import Reason, ReasonKind
 from gaia_uwb.geojson import boundary_geojson
 from gaia_uwb.metrics import Metric
 from gaia_uwb.pipeline import ReconstructionStatus
@@ -40,7 +41,7 @@ METRIC = Metric(name="anchor_mae", value=0.08, unit="m", n=4)
 
 def test_report_has_every_promised_key() -> None:
     report = make_report(make_reconstruction(), {"anchor_mae": METRIC})
-    assert report["schema"] == 1
+    assert report["schema"] == 2
     assert report["version"] == version("gaia-uwb")
     assert report["scene"] == "a drive"
     assert (report["status"], report["reasons"]) == ("ok", [])
@@ -118,11 +119,24 @@ def test_clock_and_calibration_that_were_not_applied_or_not_looked_for() -> None
 
 
 def test_reasons_of_an_unreliable_result() -> None:
-    unreliable = replace(
-        make_reconstruction(), status=ReconstructionStatus.UNRELIABLE, reasons=("A is ambiguous",)
+    reason = Reason(
+        ReasonKind.PASSES_APART, "A is apart", ("A",), ("two",), numbers={"distance_m": 1.5}
     )
-    report = make_report(unreliable)
-    assert (report["status"], report["reasons"]) == ("unreliable", ["A is ambiguous"])
+    unreliable = replace(
+        make_reconstruction(), status=ReconstructionStatus.UNRELIABLE, reasons=(reason,)
+    )
+    report = json.loads(json.dumps(make_report(unreliable)))
+    assert report["status"] == "unreliable"
+    assert report["reasons"] == [
+        {
+            "kind": "passes-apart",
+            "text": "A is apart",
+            "cones": ["A"],
+            "passes": ["two"],
+            "statements": [],
+            "numbers": {"distance_m": 1.5},
+        }
+    ]
 
 
 def test_note_names_the_error_of_the_frame_and_its_size() -> None:

@@ -14,10 +14,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from factories import make_fix, make_reconstruction, make_unlocated
+from factories import make_fix, make_reason, make_reconstruction, make_unlocated
 from gaia_uwb.config import make_config
 from gaia_uwb.errors import ConfigError, InputError
-from gaia_uwb.estimate import AnchorStatus
+from gaia_uwb.estimate import AnchorStatus, ReasonKind
 from gaia_uwb.pipeline import Reconstruction
 from gaia_uwb.projection import to_local
 from gaia_uwb.scene import LocalFrame
@@ -167,7 +167,10 @@ def test_positions_are_verified_where_the_end_cones_are_known_well() -> None:
     assert verified(zone_pass(ROAD_M, (vague, *CONES[1:])), verified_below_m=3.0) == (True, True)
     ambiguous = make_fix("west", WEST, status=AnchorStatus.AMBIGUOUS, mirror_probability=0.3)
     assert verified(zone_pass(ROAD_M, (CONES[0], ambiguous))) == (False, True)
-    assert verified(zone_pass(ROAD_M, CONES, reasons=("the clocks: x",))) == (False, False)
+    assert verified(zone_pass(ROAD_M, CONES, reasons=(make_reason("the clocks: x"),))) == (
+        False,
+        False,
+    )
     assert verified(zone_pass(ROAD_M, CONES), start_position="estimated") == (False, True)
     told = replace(zone_pass(ROAD_M, CONES), config=make_config({"prior": {"side": "left"}}))
     assert verified(told) == (False, False)
@@ -178,17 +181,17 @@ def test_positions_are_verified_where_the_end_cones_are_known_well() -> None:
 def test_doubts_reach_the_reader() -> None:
     lost = make_unlocated("lost")
     ambiguous = make_fix("west", WEST, status=AnchorStatus.AMBIGUOUS, mirror_probability=0.3)
-    reason = f"anchor west: {AnchorStatus.AMBIGUOUS.message}"
+    reason = make_reason("anchor west: any words", ReasonKind.AMBIGUOUS)
     feeds = feeds_of(zone_pass(ROAD_M, (CONES[0], ambiguous, lost), reasons=(reason,)))
     description = event(feeds)["properties"]["core_details"]["description"]
     assert "Not located: lost" in description
-    assert reason in description
+    assert reason.text in description
     details = {name: d["properties"]["core_details"] for name, d in devices(feeds).items()}
     assert {name: d["device_status"] for name, d in details.items()} == {
         "west": "warning", "east": "ok"
     }  # fmt: skip
     assert "probability of the mirror place 0.30" in details["west"]["status_messages"]
-    whole = feeds_of(zone_pass(ROAD_M, CONES, reasons=("the clocks: unknown",)))
+    whole = feeds_of(zone_pass(ROAD_M, CONES, reasons=(make_reason("the clocks: unknown"),)))
     for device in devices(whole).values():
         assert device["properties"]["core_details"]["device_status"] == "warning"
         assert "the clocks: unknown" in device["properties"]["core_details"]["status_messages"]
@@ -197,7 +200,7 @@ def test_doubts_reach_the_reader() -> None:
 def test_cones_on_one_line_have_a_feed_without_doubts() -> None:
     result = zone_pass(
         ROAD_M, CONES[:2],
-        reasons=("all located anchors stand on one line, so the boundary encloses no area",),
+        reasons=(make_reason("on one line", ReasonKind.COLLINEAR),),
     )  # fmt: skip
     feeds = feeds_of(result, feed_config(extension=True))
     assert event(feeds)["properties"]["is_start_position_verified"] is True

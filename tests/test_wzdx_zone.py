@@ -101,7 +101,7 @@ def test_texts_that_are_none_are_refused(tmp_path: Path, member: str, value: obj
         case "scene":
             report["scene"] = value
         case "reasons":
-            report |= {"status": "unreliable", "reasons": [value]}
+            report |= {"status": "unreliable", "reasons": [{"kind": "clock", "text": value}]}
         case _:
             report["anchors"][0]["id"] = value
     (tmp_path / "report.json").write_text(json.dumps(report))

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import DenoisedRanges, Episode
-from gaia_uwb.estimate import AnchorFix, AnchorStatus
+from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
 from gaia_uwb.geometry import make_boundary
 from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
 from gaia_uwb.scene import LocalFrame
@@ -55,7 +55,7 @@ def zone_pass(
     fixes: Sequence[AnchorFix],
     *,
     frame: LocalFrame | None = IOWA,
-    reasons: tuple[str, ...] = (),
+    reasons: tuple[Reason, ...] = (),
     name: str = "a drive",
 ) -> Reconstruction:
     """Return a reconstruction with these results, without any solving."""
@@ -100,13 +100,15 @@ def passes(draw: st.DrawFn) -> Callable[[], Reconstruction]:
     ids = [f"{word}{k}" for k, word in enumerate(words)]
     sigma_m = draw(st.sampled_from([0.01, 0.2, 3.0, 1e4]))
     rows = list(zip(ids, cones_m, status, strict=True))
-    reasons = tuple(draw(st.lists(st.text(min_size=1, max_size=30), max_size=2)))
+    texts = draw(st.lists(st.text(min_size=1, max_size=30), max_size=2))
+    kinds = [draw(st.sampled_from(ReasonKind)) for _ in texts]
     name = draw(st.text(min_size=1, max_size=20))
 
     def make() -> Reconstruction:
         # Not while drawing: the checks of annotations pick random elements of lists.
         fixes = [_fix(*row, sigma_m) for row in rows]
         frame = LocalFrame(*place)
+        reasons = tuple(map(Reason, kinds, texts))
         return zone_pass(path_m, fixes, frame=frame, reasons=reasons, name=name)
 
     return make

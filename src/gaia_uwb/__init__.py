@@ -23,7 +23,14 @@ if TYPE_CHECKING:
     from gaia_uwb.denoisers import make_denoiser
     from gaia_uwb.episode import DenoisedRanges, Episode
     from gaia_uwb.errors import ConfigError, DownloadError, GaiaError, InputError, SourceError
-    from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus
+    from gaia_uwb.estimate import (
+        AnchorFix,
+        AnchorStatus,
+        Boundary,
+        BoundaryStatus,
+        Reason,
+        ReasonKind,
+    )
     from gaia_uwb.geometry import make_boundary
     from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus, prepare
     from gaia_uwb.report import write_all
@@ -48,6 +55,8 @@ _HOME = {
     "LocalFrame": "scene",
     "PipelineConfig": "config",
     "RangeLog": "scene",
+    "Reason": "estimate",
+    "ReasonKind": "estimate",
     "Reconstruction": "pipeline",
     "ReconstructionStatus": "pipeline",
     "Scene": "scene",
@@ -85,6 +94,8 @@ __all__ = [
     "LocalFrame",
     "PipelineConfig",
     "RangeLog",
+    "Reason",
+    "ReasonKind",
     "Reconstruction",
     "ReconstructionStatus",
     "Scene",

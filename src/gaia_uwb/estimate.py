@@ -1,4 +1,4 @@
-"""What comes out of a reconstruction: where each anchor stands, and the boundary of the zone.
+"""What comes out of a reconstruction: anchors, the zone's boundary, and reasons to doubt them.
 
 >>> from gaia_uwb.estimate import AnchorStatus
 >>> AnchorStatus.TOO_FEW_RANGES.message
@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -33,6 +34,11 @@ class AnchorStatus(StrEnum):
         return _MESSAGES[self]
 
     @property
+    def reason_kind(self) -> ReasonKind:
+        """The kind of reason that an anchor with this status gives; none if it is located."""
+        return ReasonKind(self.value)
+
+    @property
     def has_position(self) -> bool:
         """Whether an estimate with this status carries a position at all."""
         return self is not AnchorStatus.TOO_FEW_RANGES
@@ -48,6 +54,85 @@ _MESSAGES = {
     AnchorStatus.MOVED: "the passes place it apart, as if it had been moved between them",
     AnchorStatus.TOO_FEW_RANGES: "too few usable ranges to locate it",
 }
+
+
+class ReasonKind(StrEnum):
+    """What may make a result unreliable, or limit it; programs go by this, never by a text."""
+
+    CLOCK = "clock"
+    MISFIT = "misfit"
+    RANGE_BIAS = "range-bias"
+    OUTSIDE_TRAINING = "outside-training"
+    NOT_ONE_ZONE = "not-one-zone"
+    PASSES_APART = "passes-apart"
+    STATEMENT = "statement"
+    EXCEPTION = "exception"
+    AMBIGUOUS = "ambiguous"
+    ILL_CONDITIONED = "ill-conditioned"
+    NOT_CONVERGED = "not-converged"
+    MOVED = "moved"
+    TOO_FEW_RANGES = "too-few-ranges"
+    TOO_FEW_CONES = "too-few-cones"
+    COLLINEAR = "collinear"
+    SHORT_PATH = "short-path"
+    FEW_RANGES = "few-ranges"
+    GAPS = "gaps"
+    BLOCKED = "blocked"
+    HEIGHTS = "heights"
+
+    @property
+    def is_anchor_status(self) -> bool:
+        """Whether it repeats what the statuses of single anchors say."""
+        return self in _STATUS_KINDS
+
+    @property
+    def concerns_all_places(self) -> bool:
+        """Whether it casts doubt on every position, not on single anchors or the area only."""
+        return not (
+            self.is_anchor_status or self in (ReasonKind.TOO_FEW_CONES, ReasonKind.COLLINEAR)
+        )
+
+
+_STATUS_KINDS = frozenset(
+    status.reason_kind for status in AnchorStatus if status is not AnchorStatus.OK
+)
+
+
+@dataclass(frozen=True)
+class Reason:
+    """One reason why a result must not be taken for granted.
+
+    Parameters
+    ----------
+    kind
+        What is wrong.
+    text
+        The same in words, with numbers: for people only.
+    cones
+        Ids of the anchors that it is about; empty if it is about all of them.
+    passes
+        Names of the passes that it is about; empty if it is about all of them.
+    statements
+        The settings of :class:`gaia_uwb.config.PriorConfig` that it speaks against, such as
+        ``side``; a surveyed anchor's is ``known_anchors.`` and its id.
+    numbers
+        The numbers in the text, by name and unit.
+
+    Examples
+    --------
+    >>> str(Reason(ReasonKind.MOVED, "anchor 3: moved", cones=("3",)))
+    'anchor 3: moved'
+    """
+
+    kind: ReasonKind
+    text: str
+    cones: tuple[str, ...] = ()
+    passes: tuple[str, ...] = ()
+    statements: tuple[str, ...] = ()
+    numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
+
+    def __str__(self) -> str:
+        return self.text
 
 
 @dataclass(frozen=True)

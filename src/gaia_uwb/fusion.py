@@ -30,13 +30,10 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.config import PipelineConfig, SolverConfig
-from gaia_uwb.estimate import AnchorFix, AnchorStatus
+from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
 from gaia_uwb.joint_fit import Heard, JointFit, LocatedPass, TwoPlaces, hear
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.zone_passes import all_anchors
-
-NOT_ONE_ZONE = "the passes differ by"
-"""How the reason begins that doubts that the passes are of one zone."""
 
 _MOVED_SIGMA = 5.0  # the level of the test for moved anchors, as a one-sided normal quantile
 _MOVED_M = 0.5  # passes that place an anchor nearer to each other than this agree
@@ -86,18 +83,27 @@ class Fused:
     disagreements: tuple[Disagreement, ...]
     error_scale: float
 
-    def reasons(self) -> Iterator[str]:
-        """Say in words where the passes disagree."""
+    def reasons(self) -> Iterator[Reason]:
+        """Tell where the passes disagree."""
         for apart in self.disagreements[:_MOST_NAMED]:
-            yield (
+            text = (
                 f"anchor {apart.anchor_id}: {apart.pass_name} alone places it "
                 f"{apart.distance_m:.2f} m from where another pass does"
             )
+            yield Reason(
+                ReasonKind.PASSES_APART,
+                text,
+                cones=(apart.anchor_id,),
+                passes=(apart.pass_name,),
+                numbers={"distance_m": apart.distance_m},
+            )
         if self.error_scale > _NOT_ONE_FRAME:
-            yield (
-                f"{NOT_ONE_ZONE} {self.error_scale:.0f} times their standard errors over "
+            text = (
+                f"the passes differ by {self.error_scale:.0f} times their standard errors over "
                 "most anchors: check that they are of one zone, in one frame and with the same ids"
             )
+            numbers = {"error_scale": self.error_scale}
+            yield Reason(ReasonKind.NOT_ONE_ZONE, text, numbers=numbers)
 
 
 def fuse(passes: Sequence[LocatedPass], config: PipelineConfig = PipelineConfig()) -> Fused:

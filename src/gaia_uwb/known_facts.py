@@ -26,13 +26,11 @@ from gaia_uwb._typing import Array, Float64, Int64
 from gaia_uwb.config import KnownAnchor, PriorConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError
+from gaia_uwb.estimate import Reason, ReasonKind
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.path_sides import PathSides
 from gaia_uwb.projection import to_local
 from gaia_uwb.scene import LocalFrame
-
-AGAINST, EXCEPT = "the ranges speak against", "the ranges put"
-"""How the reasons begin that speak against what was said, and name exceptions from it."""
 
 _CONTRADICTED = 1.0 / 20.0  # Bayes factor below which a statement is reported as wrong
 _ANYWHERE_M2 = np.pi * 100.0**2  # where a cone may be whose surveyed place is wrong
@@ -51,17 +49,17 @@ class Statement:
     words
         As a reader knows it.
     setting
-        Which setting said it: ``side``, ``closure``, ``spacing_m`` or an anchor's index.
+        Which setting said it, like the keys of :func:`said_words`.
     log_ratio : (K,)
         For each combination of sides, how much likelier it is with the statement than without.
     """
 
     words: str
-    setting: str | int
+    setting: str
     log_ratio: Float64[Array, "K"]
 
-    def contradiction(self, weight: Float64[Array, "K"]) -> str | None:
-        """Say in words that the ranges speak against it, or return None where they do not.
+    def contradiction(self, weight: Float64[Array, "K"]) -> Reason | None:
+        """Return that the ranges speak against it, or None where they do not.
 
         Parameters
         ----------
@@ -71,9 +69,15 @@ class Statement:
         factor = self.bayes_factor(weight)
         if factor >= _CONTRADICTED:
             return None
-        return (
-            f'{AGAINST} "{self.words}", which is not used: they are at least '
+        text = (
+            f'the ranges speak against "{self.words}", which is not used: they are at least '
             f"{1.0 / factor:.0f} times likelier without it"
+        )
+        return Reason(
+            ReasonKind.STATEMENT,
+            text,
+            statements=(self.setting,),
+            numbers={"likelihood_ratio": 1.0 / factor},
         )
 
     def bayes_factor(self, weight: Float64[Array, "K"]) -> float:
@@ -174,8 +178,8 @@ class KnownFacts:
                 distance2, log_det = _misfit(hypotheses, index, survey_m, sigma_m)
                 log_density = -0.5 * (distance2 + log_det) - np.log(2.0 * np.pi)
                 ratio = (log_density + np.log(_ANYWHERE_M2))[side[:, column]]
-                surveyed = words[f"known_anchors.{self.anchor_ids[index]}"]
-                found.append(self._statement(surveyed, index, ratio))
+                setting = f"known_anchors.{self.anchor_ids[index]}"
+                found.append(self._statement(words[setting], setting, ratio))
         return found
 
     def borne_out(
@@ -184,7 +188,7 @@ class KnownFacts:
         located: Int64[Array, "M"],
         side: Int64[Array, "K M"],
         weight: Float64[Array, "K"],
-    ) -> tuple[KnownFacts | None, tuple[str, ...]]:
+    ) -> tuple[KnownFacts | None, tuple[Reason, ...]]:
         """Return the facts that the ranges do not speak against, and what they say of the others.
 
         Parameters
@@ -212,8 +216,12 @@ class KnownFacts:
         dropped = {s.setting for s, right in zip(said, holds, strict=True) if not right}
         if len(dropped) == len(said):
             return None
-        changes = {str(setting): None for setting in dropped if isinstance(setting, str)}
-        surveyed = {k: place for k, place in self.surveyed.items() if k not in dropped}
+        changes = {setting: None for setting in dropped if setting in type(self.prior).model_fields}
+        surveyed = {
+            k: place
+            for k, place in self.surveyed.items()
+            if f"known_anchors.{self.anchor_ids[k]}" not in dropped
+        }
         return replace(self, prior=self.prior.model_copy(update=changes), surveyed=surveyed)
 
     def exceptions(
@@ -221,8 +229,8 @@ class KnownFacts:
         place_m: Float64[Array, "M 2"],
         covariance_m2: Float64[Array, "M 2 2"],
         ids: Sequence[str],
-        reasons: Sequence[str],
-    ) -> tuple[str, ...]:
+        reasons: Sequence[Reason],
+    ) -> tuple[Reason, ...]:
         """Name the cones that clearly stand on the other side than was said, if there are any.
 
         Parameters
@@ -235,7 +243,7 @@ class KnownFacts:
             What was already said against a statement: one that is not used has no exceptions.
         """
         side = self.prior.side
-        if side is None or any(said_words(self.prior)["side"] in reason for reason in reasons):
+        if side is None or any("side" in reason.statements for reason in reasons):
             return ()
         left = self._path.left_probability(place_m[:, None], covariance_m2[:, None])[:, 0]
         holds = left if side == "left" else 1.0 - left
@@ -245,11 +253,10 @@ class KnownFacts:
         other = "right" if side == "left" else "left"
         more = f" and {len(wrong) - 5} more" if len(wrong) > 5 else ""
         names = f"{', '.join(wrong[:5])}{more}"
-        return (f"{EXCEPT} {names} on the {other}; all cones were said to be on the {side}",)
+        text = f"the ranges put {names} on the {other}; all cones were said to be on the {side}"
+        return (Reason(ReasonKind.EXCEPTION, text, cones=tuple(wrong), statements=("side",)),)
 
-    def _statement(
-        self, words: str, setting: str | int, log_ratio: Float64[Array, "K"]
-    ) -> Statement:
+    def _statement(self, words: str, setting: str, log_ratio: Float64[Array, "K"]) -> Statement:
         error = self.prior.statement_error
         return Statement(words, setting, np.logaddexp(np.log(error), np.log1p(-error) + log_ratio))
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
@@ -18,9 +17,7 @@ from gaia_uwb._typing import Array, Bool, Float64
 from gaia_uwb.advice import Advice
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import Episode
-from gaia_uwb.estimate import AnchorFix, AnchorStatus
-from gaia_uwb.fusion import NOT_ONE_ZONE
-from gaia_uwb.known_facts import AGAINST, EXCEPT
+from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
 from gaia_uwb.residuals import range_residual_m
 
 SIGMAS_90 = 1.645
@@ -38,27 +35,12 @@ _BLOCKED_M = 0.3
 _HEIGHT_M = 0.05  # a range that a height of a metre changes by more counts
 _FAST_MPS = 5.0
 _MISFIT_M = 1.0
-
-
-class LimitKind(StrEnum):
-    """What may limit a reconstruction."""
-
-    MISFIT = "misfit"
-    CLOCK = "clock"
-    SHORT_PATH = "short-path"
-    MOVED = "moved"
-    UNKNOWN_SIDE = "unknown-side"
-    POOR_GEOMETRY = "poor-geometry"
-    NOT_SETTLED = "not-settled"
-    LOST = "lost"
-    FEW_RANGES = "few-ranges"
-    GAPS = "gaps"
-    BLOCKED = "blocked"
-    RANGE_BIAS = "range-bias"
-    HEIGHTS = "heights"
-    FEW_CONES = "few-cones"
-    STATEMENT = "statement"
-    PASSES = "passes"
+_ADVICE = {
+    ReasonKind.STATEMENT: Advice.CHECK_STATEMENT,
+    ReasonKind.EXCEPTION: Advice.CHECK_STATEMENT,
+    ReasonKind.NOT_ONE_ZONE: Advice.CHECK_PASSES,
+}
+"""What to do about the reasons that are in no log."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +57,7 @@ class Limit:
         What to do about it.
     """
 
-    kind: LimitKind
+    kind: ReasonKind
     text: str
     advice: tuple[Advice, ...]
 
@@ -106,7 +88,7 @@ def find_limits(
     >>> from gaia_uwb.simulate import PRESETS, simulate_pass
     >>> result = reconstruct(simulate_pass(PRESETS["straight"], seed=4))
     >>> [limit.kind.value for limit in find_limits(result.episode, result.anchors)][:2]
-    ['unknown-side', 'gaps']
+    ['ambiguous', 'gaps']
     """
     look = _Look(episode, tuple(anchors), config, name)
     checks: tuple[Callable[[_Look], Iterable[Limit]], ...] = (
@@ -117,7 +99,7 @@ def find_limits(
 
 
 def limits_of_reasons(
-    reasons: Sequence[str], *, name: Callable[[str], str] = printable
+    reasons: Sequence[Reason], *, name: Callable[[str], str] = printable
 ) -> tuple[Limit, ...]:
     """Say what limited a reconstruction beside its log: what was said of it, passes that disagree.
 
@@ -128,16 +110,10 @@ def limits_of_reasons(
     name
         How a text is written, so that a file's own marks can be escaped.
     """
-    kinds = (
-        (AGAINST, LimitKind.STATEMENT, Advice.CHECK_STATEMENT),
-        (EXCEPT, LimitKind.STATEMENT, Advice.CHECK_STATEMENT),
-        (NOT_ONE_ZONE, LimitKind.PASSES, Advice.CHECK_PASSES),
-    )
     return tuple(
-        Limit(kind, f"{name(reason[:1].upper() + reason[1:])}.", (advice,))
+        Limit(reason.kind, f"{name(reason.text[:1].upper() + reason.text[1:])}.", (advice,))
         for reason in reasons
-        for start, kind, advice in kinds
-        if reason.startswith(start)
+        if (advice := _ADVICE.get(reason.kind)) is not None
     )
 
 
@@ -182,7 +158,7 @@ def _misfit(look: _Look) -> Iterator[Limit]:
             f"The ranges do not fit the path: half of them are off by more than "
             f"{metres(0.67 * found.sigma_m)}, where radios err by a few tenths of a metre."
         )
-        yield Limit(LimitKind.MISFIT, text, (Advice.CHECK_LOG,))
+        yield Limit(ReasonKind.MISFIT, text, (Advice.CHECK_LOG,))
 
 
 def _clock(look: _Look) -> Iterator[Limit]:
@@ -196,7 +172,7 @@ def _clock(look: _Look) -> Iterator[Limit]:
         f"(90 % probability). At the usual speed of {look.episode.usual_speed_mps:.1f} m/s that is "
         f"± {metres(shift_m)} along the road, for all cones together."
     )
-    yield Limit(LimitKind.CLOCK, text, (Advice.BOTH_WAYS, Advice.ONE_CLOCK))
+    yield Limit(ReasonKind.CLOCK, text, (Advice.BOTH_WAYS, Advice.ONE_CLOCK))
 
 
 def _short_path(look: _Look) -> Iterator[Limit]:
@@ -207,7 +183,7 @@ def _short_path(look: _Look) -> Iterator[Limit]:
             f"The vehicle moved within {metres(length_m)} only while it heard the cones, which "
             f"were {metres(usual_m)} away: seen from there they lie in nearly one direction."
         )
-        yield Limit(LimitKind.SHORT_PATH, text, (Advice.LONGER, Advice.SECOND_DRIVE))
+        yield Limit(ReasonKind.SHORT_PATH, text, (Advice.LONGER, Advice.SECOND_DRIVE))
 
 
 def _unknown_side(look: _Look) -> Iterator[Limit]:
@@ -226,7 +202,7 @@ def _unknown_side(look: _Look) -> Iterator[Limit]:
             f" The path was straight ({metres(length_m)} long within a strip of "
             f"{metres(width_m)}), and from a straight path both sides look alike."
         )
-    yield Limit(LimitKind.UNKNOWN_SIDE, text, (Advice.SECOND_DRIVE, Advice.WEAVE, Advice.SURVEY))
+    yield Limit(ReasonKind.AMBIGUOUS, text, (Advice.SECOND_DRIVE, Advice.WEAVE, Advice.SURVEY))
 
 
 def _poor_geometry(look: _Look) -> Iterator[Limit]:
@@ -244,7 +220,7 @@ def _poor_geometry(look: _Look) -> Iterator[Limit]:
             f"; the worst is {look.name(worst.anchor_id)}, ± {metres(longer_m)} one way and "
             f"± {metres(shorter_m)} the other (90 % probability)"
         )
-    yield Limit(LimitKind.POOR_GEOMETRY, f"{text}.", (Advice.SECOND_DRIVE, Advice.LONGER))
+    yield Limit(ReasonKind.ILL_CONDITIONED, f"{text}.", (Advice.SECOND_DRIVE, Advice.LONGER))
 
 
 def _moved(look: _Look) -> Iterator[Limit]:
@@ -254,14 +230,14 @@ def _moved(look: _Look) -> Iterator[Limit]:
             f"The passes place {look.cones(moved)} apart by more than their errors: perhaps "
             f"{'it was' if len(moved) == 1 else 'they were'} moved between them."
         )
-        yield Limit(LimitKind.MOVED, text, (Advice.CHECK_CONES,))
+        yield Limit(ReasonKind.MOVED, text, (Advice.CHECK_CONES,))
 
 
 def _not_settled(look: _Look) -> Iterator[Limit]:
     stopped = look.of_status(AnchorStatus.NOT_CONVERGED)
     if stopped:
         text = f"The calculation for {look.cones(stopped)} did not settle on a place."
-        yield Limit(LimitKind.NOT_SETTLED, text, (Advice.CHECK_LOG, Advice.SECOND_DRIVE))
+        yield Limit(ReasonKind.NOT_CONVERGED, text, (Advice.CHECK_LOG, Advice.SECOND_DRIVE))
 
 
 def _pace(look: _Look) -> tuple[Advice, ...]:
@@ -277,7 +253,7 @@ def _lost(look: _Look) -> Iterator[Limit]:
         f"No place was found for {look.cones(lost)}: at most {most} usable range"
         f"{'' if most == 1 else 's'} came in, and {look.config.solver.min_ranges} are needed."
     )
-    yield Limit(LimitKind.LOST, text, (Advice.CHECK_RADIOS, *_pace(look)))
+    yield Limit(ReasonKind.TOO_FEW_RANGES, text, (Advice.CHECK_RADIOS, *_pace(look)))
 
 
 def _few_ranges(look: _Look) -> Iterator[Limit]:
@@ -286,7 +262,7 @@ def _few_ranges(look: _Look) -> Iterator[Limit]:
         least = min(few, key=lambda anchor: anchor.n_ranges)
         whose = "" if len(few) == 1 else f" from {look.name(least.anchor_id)}"
         text = f"Few ranges came from {look.cones(few)}: {least.n_ranges}{whose}."
-        yield Limit(LimitKind.FEW_RANGES, text, (Advice.CHECK_RADIOS, *_pace(look)))
+        yield Limit(ReasonKind.FEW_RANGES, text, (Advice.CHECK_RADIOS, *_pace(look)))
 
 
 def _gaps(look: _Look) -> Iterator[Limit]:
@@ -305,7 +281,7 @@ def _gaps(look: _Look) -> Iterator[Limit]:
             f"Between the first and the last range, {look.cones([a for _, a in gaps])} could not "
             f"be heard for{which} {longest_s:.1f} s in a row."
         )
-        yield Limit(LimitKind.GAPS, text, (Advice.LINE_OF_SIGHT, *_pace(look)))
+        yield Limit(ReasonKind.GAPS, text, (Advice.LINE_OF_SIGHT, *_pace(look)))
 
 
 def _blocked(look: _Look) -> Iterator[Limit]:
@@ -327,7 +303,7 @@ def _blocked(look: _Look) -> Iterator[Limit]:
             f"{metres(beyond_m)} too long, which is what happens where something stands between "
             "cone and vehicle."
         )
-        yield Limit(LimitKind.BLOCKED, text, (Advice.LINE_OF_SIGHT, Advice.SECOND_DRIVE))
+        yield Limit(ReasonKind.BLOCKED, text, (Advice.LINE_OF_SIGHT, Advice.SECOND_DRIVE))
 
 
 def _range_bias(look: _Look) -> Iterator[Limit]:
@@ -338,7 +314,7 @@ def _range_bias(look: _Look) -> Iterator[Limit]:
             f"All ranges read {metres(abs(found.bias[0]))} too {way} at 10 m. This was taken off, "
             "but it is more than calibrated radios show."
         )
-        yield Limit(LimitKind.RANGE_BIAS, text, (Advice.CALIBRATE, Advice.HEIGHTS))
+        yield Limit(ReasonKind.RANGE_BIAS, text, (Advice.CALIBRATE, Advice.HEIGHTS))
     own = [anchor for anchor in look.anchors
            if anchor.status.has_position and abs(anchor.range_bias_m) > _OWN_BIAS_M]  # fmt: skip
     if own:
@@ -348,7 +324,7 @@ def _range_bias(look: _Look) -> Iterator[Limit]:
             f"{metres(abs(worst.range_bias_m))} for {look.name(worst.anchor_id)}. This was taken "
             "off as well."
         )
-        yield Limit(LimitKind.RANGE_BIAS, text, (Advice.CALIBRATE,))
+        yield Limit(ReasonKind.RANGE_BIAS, text, (Advice.CALIBRATE,))
 
 
 def _heights(look: _Look) -> Iterator[Limit]:
@@ -363,7 +339,7 @@ def _heights(look: _Look) -> Iterator[Limit]:
             f"{metres(nearest_m)}, a difference in height of 1 m changes a range by "
             f"{metres(change_m)}."
         )
-        yield Limit(LimitKind.HEIGHTS, text, (Advice.HEIGHTS,))
+        yield Limit(ReasonKind.HEIGHTS, text, (Advice.HEIGHTS,))
 
 
 def _few_cones(look: _Look) -> Iterator[Limit]:
@@ -372,4 +348,4 @@ def _few_cones(look: _Look) -> Iterator[Limit]:
             f"The log has {len(look.anchors)} cone{'s' if len(look.anchors) > 1 else ''}; an area "
             "needs three."
         )
-        yield Limit(LimitKind.FEW_CONES, text, (Advice.MORE_CONES,))
+        yield Limit(ReasonKind.TOO_FEW_CONES, text, (Advice.MORE_CONES,))

@@ -88,8 +88,7 @@ def _summary(reconstruction: Reconstruction) -> Iterator[str]:
     verdict = "Reliable." if good else "Check before use."
     yield f"**{verdict}** {located} of {len(reconstruction.anchors)} cones were located. {area}"
     # What is wrong with single cones is said here in plainer words, and below with numbers.
-    known = tuple(status.message for status in AnchorStatus)
-    others = [reason for reason in reconstruction.reasons if not reason.endswith(known)]
+    others = [reason.text for reason in reconstruction.reasons if not reason.kind.is_anchor_status]
     if reconstruction.reasons:
         yield "It needs a check because of:"
         yield _bullets([*map(in_markdown, others), *_doubtful_cones(reconstruction.anchors)])

@@ -13,7 +13,7 @@ service call it; none of them has a second copy.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 
@@ -26,11 +26,18 @@ from gaia_uwb.calibration import calibrate
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoisers import Denoiser, make_denoiser
 from gaia_uwb.episode import DenoisedRanges, Episode
-from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus
+from gaia_uwb.estimate import (
+    AnchorFix,
+    AnchorStatus,
+    Boundary,
+    BoundaryStatus,
+    Reason,
+    ReasonKind,
+)
 from gaia_uwb.fusion import fuse, mark_moved
 from gaia_uwb.geometry import make_boundary
 from gaia_uwb.joint_fit import LocatedPass
-from gaia_uwb.known_facts import AGAINST, KnownFacts, said_words
+from gaia_uwb.known_facts import KnownFacts, said_words
 from gaia_uwb.locate import Hypotheses, locate
 from gaia_uwb.scene import Scene
 from gaia_uwb.scene_samples import sample_scenes
@@ -67,7 +74,7 @@ class Reconstruction:
     status
         ``unreliable`` where a reader must not take the boundary for granted.
     reasons
-        Why it is unreliable, in words; empty if it is not.
+        Why it is unreliable; empty if it is not.
     config
         The settings that made it.
     possible
@@ -82,7 +89,7 @@ class Reconstruction:
     anchors: tuple[AnchorFix, ...]
     boundary: Boundary
     status: ReconstructionStatus
-    reasons: tuple[str, ...]
+    reasons: tuple[Reason, ...]
     config: PipelineConfig
     possible: tuple[Hypotheses, Combinations] | None = None
     more_passes: tuple[tuple[Episode, DenoisedRanges], ...] = ()
@@ -111,10 +118,11 @@ class Reconstruction:
         for fix in self.anchors:
             if not fix.status.has_position:
                 words.pop(f"known_anchors.{fix.anchor_id}", None)
-        against = [reason for reason in self.reasons if reason.startswith(AGAINST)]
-        return tuple(
-            said for said in words.values() if not any(f'"{said}"' in each for each in against)
-        )
+        for reason in self.reasons:
+            if reason.kind is ReasonKind.STATEMENT:
+                for setting in reason.statements:
+                    words.pop(setting, None)
+        return tuple(words.values())
 
     @property
     def name(self) -> str:
@@ -130,7 +138,7 @@ class Reconstruction:
         facts = [
             f"{self.status.value}: {len(located)} of {len(self.anchors)} anchors located, "
             f"boundary {self.boundary.status.value}, {self.boundary.area_m2:.1f} m²",
-            *self.reasons,
+            *map(str, self.reasons),
         ]
         marks = [
             Mark(a.anchor_id, a.position_m, a.covariance_m2, good=a.status is AnchorStatus.OK)
@@ -310,11 +318,11 @@ def reconstruct_episodes(
 
 def _pass_reasons(
     passes: Sequence[Episode], denoiser: Denoiser, config: PipelineConfig
-) -> Iterator[str]:
-    """Say in words what is wrong with single passes."""
+) -> Iterator[Reason]:
+    """Tell what is wrong with single passes."""
     for episode in passes:
         for reason in (*_log_reasons(episode, config), *denoiser.notes(episode)):
-            yield f"{episode.name}: {reason}"
+            yield replace(reason, text=f"{episode.name}: {reason}", passes=(episode.name,))
 
 
 def _evidence(
@@ -362,32 +370,37 @@ def _decide(
     return [decisions[k] for k in range(len(episodes))]
 
 
-def _log_reasons(episode: Episode, config: PipelineConfig) -> Iterator[str]:
-    """Say in words what is wrong with the whole log: its clocks, or the size of its errors."""
+def _log_reasons(episode: Episode, config: PipelineConfig) -> Iterator[Reason]:
+    """Tell what is wrong with the whole log: its clocks, or the size of its errors."""
     clock, found = episode.clock, episode.calibration
     if clock is not None and (
         clock.sigma_s > config.alignment.clock_offset_sigma_s
         or clock.sigma_s * episode.usual_speed_mps > config.solver.ill_conditioned_above_m
     ):
-        yield f"the clocks: {clock.reason}"
+        yield Reason(
+            ReasonKind.CLOCK, f"the clocks: {clock.reason}", numbers={"sigma_s": clock.sigma_s}
+        )
     if found is None:
         return
     if found.sigma_m > _MISFIT_M:
-        yield (
-            f"the ranges do not fit the path, half of them by more than {0.67 * found.sigma_m:.1f} "
+        half_m = 0.67 * found.sigma_m
+        text = (
+            f"the ranges do not fit the path, half of them by more than {half_m:.1f} "
             "m: check units, clocks, heights and ids"
         )
+        yield Reason(ReasonKind.MISFIT, text, numbers={"half_beyond_m": half_m})
     prior_m = np.array([config.calibration.bias_sigma_m, config.calibration.bias_slope_sigma_m])
     if float(np.hypot(*(found.bias / np.maximum(prior_m, 1e-9)))) > _BIAS_SIGMA:
-        yield (
-            f"the range bias came out at {found.bias[0]:+.2f} m, far from the +-{prior_m[0]:g} m "
+        bias_m = float(found.bias[0])
+        text = (
+            f"the range bias came out at {bias_m:+.2f} m, far from the +-{prior_m[0]:g} m "
             "that radios show: check the ranges' unit and zero"
         )
+        yield Reason(ReasonKind.RANGE_BIAS, text, numbers={"bias_m": bias_m})
 
 
-def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> tuple[str, ...]:
-    """Say in words what keeps the boundary from being relied upon."""
-    reasons = []
+def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> Iterator[Reason]:
+    """Tell what keeps the boundary from being relied upon."""
     for status in AnchorStatus:
         if status is not AnchorStatus.OK:
             ids = [
@@ -397,12 +410,14 @@ def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> tuple[str, ...
                 or (status is AnchorStatus.AMBIGUOUS and anchor.side_is_open)
             ]
             if ids:
-                reasons.append(f"{_listed(ids)}: {status.message}")
+                text = f"{_listed(ids)}: {status.message}"
+                yield Reason(status.reason_kind, text, cones=tuple(ids))
     if boundary.status is BoundaryStatus.TOO_FEW_ANCHORS:
-        reasons.append("fewer than three anchors were located, so there is no boundary")
+        text = "fewer than three anchors were located, so there is no boundary"
+        yield Reason(ReasonKind.TOO_FEW_CONES, text)
     elif boundary.status is BoundaryStatus.COLLINEAR:
-        reasons.append("all located anchors stand on one line, so the boundary encloses no area")
-    return tuple(reasons)
+        text = "all located anchors stand on one line, so the boundary encloses no area"
+        yield Reason(ReasonKind.COLLINEAR, text)
 
 
 def _listed(ids: Sequence[str]) -> str:

@@ -179,7 +179,7 @@ def _write_title(figure: Figure, reconstruction: Reconstruction) -> None:
     summary = f"{located} of {len(reconstruction.anchors)} cones located, boundary: {area}"
     colour = _INK
     if status is not ReconstructionStatus.OK:
-        summary = f"{status.value.upper()}: {'; '.join(reconstruction.reasons)}"
+        summary = f"{status.value.upper()}: {'; '.join(map(str, reconstruction.reasons))}"
         colour = _WARNING
     name = _shortened(reconstruction.name, 80)
     figure.text(0.07, 0.965, name, size=13, weight="bold", color=_INK, parse_math=False)

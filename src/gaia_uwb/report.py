@@ -38,7 +38,7 @@ from gaia_uwb._typing import Array, Float64
 from gaia_uwb.boundary_uncertainty import BoundaryUncertainty
 from gaia_uwb.config import dump_config
 from gaia_uwb.episode import DenoisedRanges, Episode, RangeCalibration
-from gaia_uwb.estimate import AnchorFix
+from gaia_uwb.estimate import AnchorFix, Reason
 from gaia_uwb.files import OutputFolder
 from gaia_uwb.geojson import Json, boundary_geojson, lon_lat
 from gaia_uwb.geopackage import geopackage
@@ -52,7 +52,7 @@ from gaia_uwb.plots import figure_png, figure_svg, plot_reconstruction
 if TYPE_CHECKING:
     import polars as pl
 
-SCHEMA = 1
+SCHEMA = 2
 
 UNCERTAINTY_NOTE = (
     "covariance_m2 is the covariance of (east, north) of an anchor in the trajectory's own frame, "
@@ -89,7 +89,7 @@ def make_report(
         "version": version("gaia-uwb"),
         "scene": reconstruction.name,
         "status": reconstruction.status.value,
-        "reasons": list(reconstruction.reasons),
+        "reasons": [_reason(reason) for reason in reconstruction.reasons],
         "stated": list(reconstruction.stated),
         **_errors(alone),
         "passes": [
@@ -179,6 +179,17 @@ def write_all(
             "report.json", json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
         ),
     ]
+
+
+def _reason(reason: Reason) -> Json:
+    return {
+        "kind": reason.kind.value,
+        "text": reason.text,
+        "cones": list(reason.cones),
+        "passes": list(reason.passes),
+        "statements": list(reason.statements),
+        "numbers": dict(reason.numbers),
+    }
 
 
 def _uncertainty(found: BoundaryUncertainty | None) -> Json | None:

@@ -23,7 +23,7 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Bool, Float64, Int64
 from gaia_uwb.config import SidesConfig, SolverConfig
-from gaia_uwb.estimate import AnchorFix, AnchorStatus
+from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason
 from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.side_search import SHARED_ERRORS, Search, all_combinations
@@ -76,13 +76,13 @@ class Decision:
     hypotheses
         Both places of each anchor, with what was surveyed of them.
     reasons
-        What the ranges say against what was known beforehand, in words.
+        What the ranges say against what was known beforehand.
     """
 
     anchors: tuple[AnchorFix, ...]
     combinations: Combinations
     hypotheses: Hypotheses
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Reason, ...] = ()
 
 
 def resolve_sides(
@@ -130,7 +130,7 @@ def decide_sides(
     """
     located = np.flatnonzero(np.isfinite(hypotheses.position_m).all(axis=(1, 2)))
     chosen = _apart(hypotheses)
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Reason, ...] = ()
     if config.joint and facts is not None and len(located):
         found, hypotheses, reasons = _with_facts(hypotheses, located, facts)
         chosen, combinations = found.decision(chosen, located)
@@ -295,7 +295,7 @@ def _jointly(
 
 def _with_facts(
     hypotheses: Hypotheses, located: Int64[Array, "M"], facts: KnownFacts
-) -> tuple[_Comparison, Hypotheses, tuple[str, ...]]:
+) -> tuple[_Comparison, Hypotheses, tuple[Reason, ...]]:
     """Compare combinations with what is known, as far as the ranges do not speak against it."""
     alone = _jointly(hypotheses, located)
     holds, reasons = facts.borne_out(hypotheses, located, alone.side, alone.weight)

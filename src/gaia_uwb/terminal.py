@@ -80,7 +80,7 @@ def print_summary(
             f"{n} {metrics[n].value:.3f} {metrics[n].unit}".rstrip() for n in shown if n in metrics
         ]
         lines.append(f"  against the survey: {', '.join(found)}")
-    lines += [f"  because {reason}" for reason in result.reasons]
+    lines += [f"  because {reason.text}" for reason in result.reasons]
     lines += [f"  wrote {path}" for path in paths]
     progress.console.file.flush()
     typer.echo("\n".join(map(written_out, lines)))

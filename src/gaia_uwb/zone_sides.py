@@ -16,7 +16,7 @@ import numpy as np
 from gaia_uwb._typing import Array, Float64, Int64
 from gaia_uwb.config import SidesConfig, SolverConfig
 from gaia_uwb.episode import Episode
-from gaia_uwb.estimate import AnchorFix, AnchorStatus
+from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason
 from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.side_search import SHARED_ERRORS
@@ -86,7 +86,7 @@ class _Choice:
     place_m: Float64[Array, "M 2"]
     covariance_m2: Float64[Array, "M 2 2"]
     mirror_probability: Float64[Array, "M"]
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Reason, ...] = ()
 
     @classmethod
     def of(cls, zone: ZonePosterior, located: Int64[Array, "M"], hypotheses: Hypotheses) -> _Choice:

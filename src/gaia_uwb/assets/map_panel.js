@@ -141,7 +141,7 @@ function tellStatus() {
     : boundary.status === "collinear" ? "all cones in one line: no area"
       : "too few cones for a boundary";
   html("span", ` ${cones.size} of ${order.length} cones located, ${area}.`, byId("status"));
-  for (const reason of report.reasons) html("li", reason, byId("reasons"));
+  for (const reason of report.reasons) html("li", reason.text, byId("reasons"));
   byId("note").textContent = report.uncertainty_note;
   byId("version").textContent = `gaia-uwb ${report.version}`;
 }

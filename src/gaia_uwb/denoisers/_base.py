@@ -19,6 +19,7 @@ import numpy as np
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.config import Settings
 from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.estimate import Reason
 
 _CHUNK = 3 << 20  # readings laid side by side at a time
 _SCALE_TO_SIGMA = float(np.sqrt(2.0))  # of the Student-t errors with 4 dof that are calibrated
@@ -64,8 +65,8 @@ class Denoiser(ABC):
             readings share where the episode's calibration knows it.
         """
 
-    def notes(self, episode: Episode) -> tuple[str, ...]:
-        """Say in words why its result for an episode cannot be relied upon; nothing if it can.
+    def notes(self, episode: Episode) -> tuple[Reason, ...]:
+        """Tell why its result for an episode cannot be relied upon; nothing if it can.
 
         Parameters
         ----------

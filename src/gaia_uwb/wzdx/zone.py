@@ -16,7 +16,7 @@ import numpy as np
 from gaia_uwb._text import shown
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.errors import InputError
-from gaia_uwb.estimate import AnchorFix, AnchorStatus
+from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
 from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
 from gaia_uwb.projection import to_local
 from gaia_uwb.scene import LocalFrame
@@ -26,12 +26,6 @@ from gaia_uwb.wzdx.travel import passed_at, stretch, thinned
 _ALONG = 0.5  # of the zone's extent: a drive along it has a longer way
 _FARTHEST_M, _LARGEST_M2 = 1e7, 1e100  # a poor fix may be far off, but not farther
 _LONGEST_TEXT = 1000
-_NOT_THE_LOG = (
-    *(f": {status.message}" for status in AnchorStatus),
-    "so there is no boundary",
-    "so the boundary encloses no area",
-)
-"""How reasons end that concern single cones or the boundary's area, not every position."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +111,7 @@ def read_zone(folder: Path) -> Zone:
         anchors = [_read_fix(row) for row in report["anchors"]]
         hull_m = np.array(report["boundary"]["hull_m"], dtype=np.float64).reshape(-1, 2)
         _check_sizes(anchors, hull_m)
-        reasons = None if report["status"] == "ok" else tuple(map(_text, report["reasons"]))
+        reasons = None if report["status"] == "ok" else tuple(map(_read_reason, report["reasons"]))
         stated = tuple(map(_text, report["stated"]))
         name = _text(report["scene"])
     except (KeyError, TypeError, ValueError, OverflowError, InputError) as error:
@@ -146,6 +140,10 @@ def _read_fix(row: Mapping[str, Any]) -> AnchorFix:
         n_ranges=int(row["n_ranges"]),
         side_is_open=bool(row["side_is_open"]),
     )
+
+
+def _read_reason(row: Mapping[str, Any]) -> Reason:
+    return Reason(ReasonKind(_text(row["kind"])), _text(row["text"]))
 
 
 def _text(value: object) -> str:
@@ -205,7 +203,7 @@ def _make_zone(
     anchors: Sequence[AnchorFix],
     path_m: Float64[Array, "T 2"],
     hull_m: Float64[Array, "H 2"],
-    reasons: tuple[str, ...] | None,
+    reasons: tuple[Reason, ...] | None,
     stated: tuple[str, ...],
 ) -> Zone:
     """Put cones and line into the order of travel; ``reasons`` is None for a reliable result."""
@@ -234,7 +232,7 @@ def _make_zone(
         unlocated=tuple(anchor.anchor_id for anchor in anchors if not anchor.status.has_position),
         reliable=reasons is None and not across,
         doubts=(*doubts, *across),
-        reasons=(*(reasons or ()), *across),
+        reasons=(*map(str, reasons or ()), *across),
         stated=stated,
     )
 
@@ -251,7 +249,7 @@ def _across(cones: Sequence[AnchorFix], line_m: Float64[Array, "P 2"]) -> Iterat
         )
 
 
-def _doubts(reasons: Sequence[str]) -> tuple[str, ...]:
+def _doubts(reasons: Sequence[Reason]) -> tuple[str, ...]:
     if not reasons:
         return ("the reconstruction is marked unreliable",)
-    return tuple(reason for reason in reasons if not reason.endswith(_NOT_THE_LOG))
+    return tuple(reason.text for reason in reasons if reason.kind.concerns_all_places)
