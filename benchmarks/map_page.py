@@ -22,7 +22,8 @@ from typing import Any
 
 from gaia_uwb.geojson import boundary_geojson
 from gaia_uwb.map_page import map_page
-from gaia_uwb.pipeline import Reconstruction, reconstruct
+from gaia_uwb.pipeline import reconstruct
+from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.report import make_report
 from gaia_uwb.simulate import PRESETS, simulate_pass
 

@@ -17,10 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
+from gaia_uwb.api import load_scenes
 from gaia_uwb.corrections import largest_median_correction_m, needed_corrections_m
+from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers import make_denoiser
 from gaia_uwb.denoisers.neural import Neural
-from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.episode import Episode
 from gaia_uwb.learning_sets import (
     LearningSetOptions,
     LearningSets,
@@ -29,7 +31,6 @@ from gaia_uwb.learning_sets import (
     prepare_runs,
     simulated_sets,
 )
-from gaia_uwb.sources import load_scenes
 
 SHARES, TIMES = (0.98, 0.99, 0.995, 0.999, 1.0), (1.0, 1.25, 1.5, 2.0)
 

@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from gaia_uwb.calibration import calibrate
-from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.denoised import DenoisedRanges
+from gaia_uwb.episode import Episode
 from gaia_uwb.locate import locate
 
 OUT = Path(__file__).parent / "out"

@@ -21,17 +21,17 @@ from typing import Any
 import numpy as np
 
 from gaia_uwb import __version__
+from gaia_uwb.api import load_scenes
 from gaia_uwb.bounds import cramer_rao_m, wrong_sides_probability
 from gaia_uwb.config import PipelineConfig, SidesConfig, SolverConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix
 from gaia_uwb.evaluate import Test, make_test, score_method
 from gaia_uwb.files import OutputFolder
-from gaia_uwb.geometry import polygon_iou
 from gaia_uwb.metrics import Metric, aggregate
 from gaia_uwb.pipeline import prepare, reconstruct_episodes
+from gaia_uwb.polygons import polygon_iou
 from gaia_uwb.simulate import find_preset, simulate_episodes, simulate_zone
-from gaia_uwb.sources import load_scenes
 from gaia_uwb.stressors import STRESSORS, stress
 
 PAGE = Path(__file__).parents[1] / "docs" / "gaia-set-results.md"

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.episode import ClockOffset, DenoisedRanges, Episode, RangeCalibration
+from gaia_uwb.denoised import DenoisedRanges
+from gaia_uwb.episode import ClockOffset, Episode, RangeCalibration
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus, Reason, ReasonKind
-from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
+from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from gaia_uwb.scene import LocalFrame
 
 SITE = LocalFrame(lat_deg=48.1, lon_deg=11.5, alt_m=520.0)

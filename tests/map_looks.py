@@ -16,7 +16,7 @@ from PIL import Image
 from browser import Browser
 from factories import SQUARE_M, make_fix, make_reason, make_reconstruction, make_unlocated
 from gaia_uwb.estimate import AnchorStatus
-from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
+from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from test_map_page import HOSTILE, make_page
 
 RADII = "[...document.querySelectorAll('.range')].map((c) => c.r.baseVal.value)"

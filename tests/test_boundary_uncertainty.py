@@ -3,7 +3,8 @@ import pytest
 import shapely
 
 from gaia_uwb.boundary_uncertainty import Levels, boundary_uncertainty
-from gaia_uwb.geometry import convex_hull, polygon_area, rotation_matrix
+from gaia_uwb.polygons import convex_hull, polygon_area
+from gaia_uwb.rigid_alignment import rotation_matrix
 
 RECTANGLE_M = np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 8.0], [0.0, 8.0], [20.0, 4.0]])
 NOMINAL = Levels(inner=0.9, outer=0.9)

@@ -281,7 +281,7 @@ def test_table5_needs_the_data_set(run, tmp_path: Path) -> None:  # type: ignore
 def test_table5_writes_the_table(  # type: ignore[no-untyped-def]
     run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("gaia_uwb.sources.load_scenes", lambda *_, **__: make_runs())
+    monkeypatch.setattr("gaia_uwb.api.load_scenes", lambda *_, **__: make_runs())
     code, out, err = run("reproduce", "table5", "--quick", "--out", tmp_path)
     assert code == 0
     assert "6 of 6: errors fitted to" in err

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gaia_uwb.api import load_scenes
 from gaia_uwb.config import PipelineConfig, SolverConfig
 from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.evaluate import (
@@ -22,7 +23,6 @@ from gaia_uwb.evaluate import (
 )
 from gaia_uwb.scene import Scene
 from gaia_uwb.simulate import PRESETS, simulate_pass
-from gaia_uwb.sources import load_scenes
 
 CONFIG = PipelineConfig()
 

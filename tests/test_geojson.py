@@ -15,8 +15,8 @@ from factories import NOWHERE, SITE, SQUARE_M, make_fix, make_reconstruction, ma
 from gaia_uwb.boundary_uncertainty import BoundaryUncertainty, ProbabilityMap, Region
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.geojson import LOCAL, WGS84, boundary_geojson, confidence_ellipse, lon_lat
-from gaia_uwb.pipeline import Reconstruction
 from gaia_uwb.projection import to_local
+from gaia_uwb.reconstruction import Reconstruction
 
 
 def read_back(reconstruction: Reconstruction, *, local: bool = False) -> Any:

@@ -7,20 +7,18 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from shapely import LinearRing, MultiPoint, Point, Polygon
 
+from gaia_uwb.boundary import make_boundary, ordered_outline
 from gaia_uwb.errors import InputError
 from gaia_uwb.estimate import BoundaryStatus
-from gaia_uwb.geometry import (
+from gaia_uwb.polygons import (
     convex_hull,
     convex_intersection,
     hausdorff,
-    make_boundary,
-    ordered_outline,
     polygon_area,
     polygon_iou,
     reflect_in_line,
-    rigid_align,
-    rotation_matrix,
 )
+from gaia_uwb.rigid_alignment import rigid_align, rotation_matrix
 
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
 UTM = np.array([691_000.0, 5_334_000.0])

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from gaia_uwb.geometry import convex_hull, polygon_area
 from gaia_uwb.hull_cuts import CutHulls, chords, scene_hulls
+from gaia_uwb.polygons import convex_hull, polygon_area
 
 
 @pytest.mark.parametrize("n", [3, 5, 12, 60])

@@ -13,7 +13,7 @@ from gaia_uwb.advice import Advice
 from gaia_uwb.episode import ClockOffset, RangeCalibration
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
 from gaia_uwb.limits import Limit, find_limits, limits_of_reasons
-from gaia_uwb.pipeline import Reconstruction
+from gaia_uwb.reconstruction import Reconstruction
 
 LEVEL = {"tag_up_m": np.full(200, 1.5), "anchor_up_m": np.full(4, 1.0)}
 

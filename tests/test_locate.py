@@ -7,7 +7,8 @@ from scipy.signal import lfilter
 
 from gaia_uwb import batch
 from gaia_uwb.config import SolverConfig
-from gaia_uwb.episode import ClockOffset, DenoisedRanges, Episode, RangeCalibration
+from gaia_uwb.denoised import DenoisedRanges
+from gaia_uwb.episode import ClockOffset, Episode, RangeCalibration
 from gaia_uwb.locate import Hypotheses, RangeErrors, locate
 
 SIGMA_M = 0.1

@@ -16,7 +16,7 @@ import numpy as np
 from factories import make_reason, make_reconstruction, make_unlocated
 from gaia_uwb.geojson import boundary_geojson
 from gaia_uwb.map_page import map_page
-from gaia_uwb.pipeline import Reconstruction
+from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.report import make_report
 from gaia_uwb.residuals import range_residual_m
 

@@ -7,11 +7,12 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from gaia_uwb.episode import DenoisedRanges, Episode, EpisodeTruth
+from gaia_uwb.denoised import DenoisedRanges
+from gaia_uwb.episode import Episode, EpisodeTruth
 from gaia_uwb.errors import InputError
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
-from gaia_uwb.geometry import rotation_matrix
 from gaia_uwb.metrics import Metric, aggregate, score_episode
+from gaia_uwb.rigid_alignment import rotation_matrix
 
 # Four cones round a strip of 10 m x 4 m, beside a straight drive along the east axis.
 CONES = np.array([[0.0, 2.0], [10.0, 2.0], [10.0, 6.0], [0.0, 6.0]])

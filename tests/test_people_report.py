@@ -12,15 +12,16 @@ from markdown_it import MarkdownIt
 
 from factories import SQUARE_M, make_fix, make_reason, make_reconstruction, make_unlocated
 from gaia_uwb.advice import Advice
+from gaia_uwb.api import load_scenes
 from gaia_uwb.boundary_uncertainty import Region
 from gaia_uwb.config import make_config
 from gaia_uwb.episode import ClockOffset
 from gaia_uwb.estimate import AnchorStatus, ReasonKind
 from gaia_uwb.people_report import people_report
-from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus, reconstruct
+from gaia_uwb.pipeline import reconstruct
+from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
 from gaia_uwb.simulate import PRESETS, simulate_pass
-from gaia_uwb.sources import load_scenes
 from test_map_page import HOSTILE
 
 JARGON = re.compile(

@@ -8,13 +8,8 @@ from drives_past import with_moved_anchor
 from gaia_uwb.config import PipelineConfig, PriorConfig, SidesConfig, SolverConfig, make_config
 from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, ReasonKind
-from gaia_uwb.pipeline import (
-    ReconstructionStatus,
-    prepare,
-    reconstruct,
-    reconstruct_episodes,
-    reconstruct_passes,
-)
+from gaia_uwb.pipeline import prepare, reconstruct, reconstruct_episodes, reconstruct_passes
+from gaia_uwb.reconstruction import ReconstructionStatus
 from gaia_uwb.scene import RangeLog, Scene, Trajectory, Truth
 from gaia_uwb.simulate import PRESETS, find_preset, simulate_episodes, simulate_zone
 

@@ -15,8 +15,9 @@ import pytest
 
 from factories import SQUARE_M, make_fix, make_reason, make_reconstruction, make_unlocated
 from gaia_uwb.estimate import AnchorStatus
-from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
-from gaia_uwb.plots import figure_png, figure_svg, plot_reconstruction
+from gaia_uwb.figure_style import figure_png, figure_svg
+from gaia_uwb.plots import plot_reconstruction
+from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -18,7 +18,7 @@ from gaia_uwb.errors import ConfigError
 from gaia_uwb.estimate import Reason, ReasonKind
 from gaia_uwb.geojson import boundary_geojson
 from gaia_uwb.metrics import Metric
-from gaia_uwb.pipeline import ReconstructionStatus
+from gaia_uwb.reconstruction import ReconstructionStatus
 from gaia_uwb.report import UNCERTAINTY_NOTE, make_report, write_all
 
 FILES = [

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gaia_uwb import simulator_check
+from gaia_uwb.api import load_scenes
 from gaia_uwb.error_statistics import ErrorSummary, summarise
 from gaia_uwb.errors import InputError
 from gaia_uwb.ranging_errors import range_errors
@@ -23,7 +24,6 @@ from gaia_uwb.simulator_check import (
     case_of,
     check_simulator,
 )
-from gaia_uwb.sources import load_scenes
 from surveyed import CASES, make_runs
 
 

@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from gaia_uwb.tour import short_tour
+from gaia_uwb.boundary import short_tour
 
 
 def tour_length_m(points: np.ndarray, tour: np.ndarray) -> float:

@@ -18,8 +18,8 @@ from factories import make_fix, make_reason, make_reconstruction, make_unlocated
 from gaia_uwb.config import make_config
 from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.estimate import AnchorStatus, ReasonKind
-from gaia_uwb.pipeline import Reconstruction
 from gaia_uwb.projection import to_local
+from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.scene import LocalFrame
 from gaia_uwb.wzdx import FeedConfig, Feeds, make_feeds, validate_document, write_feeds, zone_of
 from gaia_uwb.wzdx.feeds import DEVICE_FILE, WORK_ZONE_FILE, feed_text

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gaia_uwb.denoised import ZonePosterior
 from gaia_uwb.errors import InputError
-from gaia_uwb.zone_posterior import ZonePosterior
 from outside import annotations_off
 
 

@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gaia_uwb.config import PipelineConfig, SolverConfig, make_config
+from gaia_uwb.decision import Decision
+from gaia_uwb.denoised import ZonePosterior
 from gaia_uwb.episode import ClockOffset, Episode
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.known_facts import KnownFacts
-from gaia_uwb.sides import Decision
-from gaia_uwb.zone_posterior import ZonePosterior
 from gaia_uwb.zone_sides import decide_zone, widened
 
 RANGES = np.full(60, 50)

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
+from gaia_uwb.boundary import make_boundary
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.denoised import DenoisedRanges
+from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
-from gaia_uwb.geometry import make_boundary
-from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
+from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from gaia_uwb.scene import LocalFrame
 from gaia_uwb.wzdx import FeedConfig, OfficialSchemas, make_feed_config
 

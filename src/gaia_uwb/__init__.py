@@ -15,13 +15,15 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gaia_uwb.alignment import align
-    from gaia_uwb.api import reconstruct
+    from gaia_uwb.api import load_scenes, read, reconstruct
+    from gaia_uwb.boundary import make_boundary
     from gaia_uwb.calibration import calibrate
     from gaia_uwb.config import PipelineConfig, load_config
     from gaia_uwb.datasets.check import CheckReport, check_scene
     from gaia_uwb.datasets.native import read_native, write_native
+    from gaia_uwb.denoised import DenoisedRanges
     from gaia_uwb.denoisers import make_denoiser
-    from gaia_uwb.episode import DenoisedRanges, Episode
+    from gaia_uwb.episode import Episode
     from gaia_uwb.errors import ConfigError, DownloadError, GaiaError, InputError, SourceError
     from gaia_uwb.estimate import (
         AnchorFix,
@@ -31,12 +33,11 @@ if TYPE_CHECKING:
         Reason,
         ReasonKind,
     )
-    from gaia_uwb.geometry import make_boundary
-    from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus, prepare
+    from gaia_uwb.pipeline import prepare
+    from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
     from gaia_uwb.report import write_all
     from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory, Truth
     from gaia_uwb.sides import resolve_sides
-    from gaia_uwb.sources import load_scenes, read
 
 __version__ = "0.1.0"
 
@@ -47,7 +48,7 @@ _HOME = {
     "BoundaryStatus": "estimate",
     "CheckReport": "datasets.check",
     "ConfigError": "errors",
-    "DenoisedRanges": "episode",
+    "DenoisedRanges": "denoised",
     "DownloadError": "errors",
     "Episode": "episode",
     "GaiaError": "errors",
@@ -57,8 +58,8 @@ _HOME = {
     "RangeLog": "scene",
     "Reason": "estimate",
     "ReasonKind": "estimate",
-    "Reconstruction": "pipeline",
-    "ReconstructionStatus": "pipeline",
+    "Reconstruction": "reconstruction",
+    "ReconstructionStatus": "reconstruction",
     "Scene": "scene",
     "SourceError": "errors",
     "Trajectory": "scene",
@@ -67,11 +68,11 @@ _HOME = {
     "calibrate": "calibration",
     "check_scene": "datasets.check",
     "load_config": "config",
-    "load_scenes": "sources",
-    "make_boundary": "geometry",
+    "load_scenes": "api",
+    "make_boundary": "boundary",
     "make_denoiser": "denoisers",
     "prepare": "pipeline",
-    "read": "sources",
+    "read": "api",
     "read_native": "datasets.native",
     "reconstruct": "api",
     "resolve_sides": "sides",

@@ -41,8 +41,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gaia_uwb._typing import Array, Bool, Float64, Int64
-from gaia_uwb.geometry import convex_hull
 from gaia_uwb.hull_cuts import CutHulls, chords, scene_hulls
+from gaia_uwb.polygons import convex_hull
 
 if TYPE_CHECKING:
     from shapely import Polygon
@@ -80,7 +80,7 @@ class Levels:
         Parameters
         ----------
         learned
-            Like :class:`~gaia_uwb.sides.Combinations`.
+            Like :class:`~gaia_uwb.decision.Combinations`.
         """
         return cls(inner=0.90, outer=0.905) if learned else cls()
 

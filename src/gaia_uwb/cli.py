@@ -105,12 +105,12 @@ def reconstruct(
     ] = False,
 ) -> None:
     """Locate the cones and draw the boundary from the log of a drive, or of several drives."""
+    from gaia_uwb.api import load_readable
     from gaia_uwb.errors import InputError
     from gaia_uwb.evaluate import reconstruct_and_score
     from gaia_uwb.files import OutputFolder
-    from gaia_uwb.pipeline import ReconstructionStatus
+    from gaia_uwb.reconstruction import ReconstructionStatus
     from gaia_uwb.report import write_all
-    from gaia_uwb.sources import load_readable
 
     settings = _settings(config, denoiser, solver)
     settings = with_prior(settings, side, closure, spacing, known_anchor)
@@ -169,10 +169,10 @@ def evaluate(
     """Score denoisers on data with surveyed anchors: results.json, episodes.csv, config.yaml."""
     import json
 
+    from gaia_uwb.api import load_scenes
     from gaia_uwb.config import dump_config
     from gaia_uwb.evaluate import episodes_csv, make_test, results_json, score_method
     from gaia_uwb.files import OutputFolder
-    from gaia_uwb.sources import load_scenes
 
     settings = _settings(config, None, solver)
     names = _methods(methods)

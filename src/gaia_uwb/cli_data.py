@@ -58,7 +58,7 @@ def data_check(
     """Say what a log holds, what is wrong with it and what it can tell; 1 if there are problems."""
     import json
 
-    from gaia_uwb.sources import check_source
+    from gaia_uwb.source_check import check_source
 
     reports = check_source(source, data_dir=data_dir)
     if as_json:

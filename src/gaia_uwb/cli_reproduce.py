@@ -180,11 +180,11 @@ def _workshop(
     data_dir: Path | None,
     change: Callable[[Plan], Plan] = lambda plan: plan,
 ) -> Workshop:
+    from gaia_uwb.api import load_scenes
     from gaia_uwb.files import OutputFolder
     from gaia_uwb.reproduce.jobs import n_cores
     from gaia_uwb.reproduce.plan import QUICK, Plan
     from gaia_uwb.reproduce.workshop import OUTDOOR, Workshop
-    from gaia_uwb.sources import load_scenes
 
     return Workshop(
         folder=OutputFolder(out),

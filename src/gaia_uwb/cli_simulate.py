@@ -176,9 +176,9 @@ def _text_in(path: Path) -> str | None:
 
 def _calibrate(source: str, out: Path, data_dir: Path | None) -> None:
     """Write the errors of surveyed logs as a preset file."""
+    from gaia_uwb.api import load_scenes
     from gaia_uwb.files import OutputFolder
     from gaia_uwb.sim_calibration import fit_ranging, preset_text
-    from gaia_uwb.sources import load_scenes
 
     folder = OutputFolder(out)
     scenes = load_scenes(source, data_dir=data_dir)

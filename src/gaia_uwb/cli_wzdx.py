@@ -120,8 +120,8 @@ def _zone(source: str, data_dir: Path | None) -> Zone:
 
     if (Path(source) / "report.json").is_file():
         return read_zone(Path(source))
+    from gaia_uwb.api import load_scenes
     from gaia_uwb.pipeline import reconstruct
-    from gaia_uwb.sources import load_scenes
 
     scenes = load_scenes(source, data_dir=data_dir)
     if len(scenes) > 1:

@@ -16,12 +16,8 @@ from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.metrics import Metric, aggregate, score_episode
-from gaia_uwb.pipeline import (
-    Reconstruction,
-    prepare,
-    reconstruct_episodes,
-    reconstruct_passes,
-)
+from gaia_uwb.pipeline import prepare, reconstruct_episodes, reconstruct_passes
+from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.scene import Scene
 from gaia_uwb.zone_passes import end_to_end, in_one_frame, with_anchors
 

@@ -18,6 +18,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 WIDTH_IN = 7.1
 """Width of a page's text, in inches."""
@@ -145,3 +150,40 @@ def legend_above(figure: Figure, axes: Axes) -> None:
     n_rows = -(-len(labels) // _MOST_IN_A_ROW)
     n_columns = -(-len(labels) // n_rows) if labels else 1
     figure.legend(handles, labels, loc="outside upper center", ncols=n_columns)
+
+
+SCREEN_DPI = 110
+
+
+def figure_png(figure: Figure) -> bytes:
+    """Return a figure as the bytes of a PNG file.
+
+    Parameters
+    ----------
+    figure
+        What :func:`plot_reconstruction` returned.
+    """
+    buffer = io.BytesIO()
+    with warnings.catch_warnings():
+        # A name may hold letters that the font lacks; a box in their place is no news to a user.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        # Little compression: the encoder takes half the time for a file a fifth larger.
+        figure.savefig(buffer, format="png", dpi=SCREEN_DPI, pil_kwargs={"compress_level": 2})
+    return buffer.getvalue()
+
+
+def figure_svg(figure: Figure) -> str:
+    """Return a figure as the text of an SVG file: lines and letters to scale and to edit.
+
+    Parameters
+    ----------
+    figure
+        What :func:`plot_reconstruction` returned.
+    """
+    import matplotlib as mpl
+
+    buffer = io.StringIO()
+    with warnings.catch_warnings(), mpl.rc_context({"svg.hashsalt": "gaia"}):
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        figure.savefig(buffer, format="svg", dpi=1.5 * SCREEN_DPI, metadata={"Date": None})
+    return buffer.getvalue()

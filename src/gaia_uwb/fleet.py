@@ -55,7 +55,7 @@ class Zone:
     name
         Names the folder of its results.
     logs
-        What :func:`gaia_uwb.sources.load_scenes` takes.
+        What :func:`gaia_uwb.api.load_scenes` takes.
     """
 
     name: str
@@ -261,9 +261,9 @@ def reconstruct_zone(zone: Zone, folder: Path, config: PipelineConfig) -> ZoneRe
 
 
 def _fused(zone: Zone, folder: Path, config: PipelineConfig) -> ZoneResult:
+    from gaia_uwb.api import load_scenes
     from gaia_uwb.pipeline import prepare, reconstruct_passes
     from gaia_uwb.report import write_all
-    from gaia_uwb.sources import load_scenes
     from gaia_uwb.zone_passes import in_one_frame, same_drive
 
     OutputFolder(folder).remove(_DONE)

@@ -35,8 +35,8 @@ from gaia_uwb._typing import Array, Float64
 from gaia_uwb.boundary_uncertainty import BoundaryUncertainty
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, Boundary, BoundaryStatus
-from gaia_uwb.pipeline import Reconstruction
 from gaia_uwb.projection import to_geodetic
+from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.scene import LocalFrame
 
 Json: TypeAlias = dict[str, object]

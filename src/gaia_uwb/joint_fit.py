@@ -38,7 +38,8 @@ import numpy as np
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.batch import velocity
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.episode import DenoisedRanges, Episode, bias_basis
+from gaia_uwb.denoised import DenoisedRanges
+from gaia_uwb.episode import Episode, bias_basis
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.multilateration import fisher_share
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.figure_style import INK, house_style, legend_above, look, new_figure
-from gaia_uwb.geometry import convex_hull
+from gaia_uwb.polygons import convex_hull
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

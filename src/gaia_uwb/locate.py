@@ -23,7 +23,8 @@ import numpy as np
 from gaia_uwb._typing import Array, Bool, Float64, Int64
 from gaia_uwb.batch import Chunk, chunks, correlation_lag, normal_sums, with_prior
 from gaia_uwb.config import SolverConfig
-from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.denoised import DenoisedRanges
+from gaia_uwb.episode import Episode
 from gaia_uwb.honest_errors import Curves, own_inflation, path_centres, square_root
 from gaia_uwb.multilateration import Solutions, SolverOptions
 

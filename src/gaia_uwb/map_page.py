@@ -19,7 +19,7 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.estimate import AnchorStatus
-from gaia_uwb.pipeline import Reconstruction
+from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.residuals import range_residual_m
 from gaia_uwb.zone_passes import end_to_end
 

@@ -41,10 +41,12 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Bool, Float64
 from gaia_uwb.bootstrap import bootstrap_mean
-from gaia_uwb.episode import DenoisedRanges, Episode, EpisodeTruth
+from gaia_uwb.denoised import DenoisedRanges
+from gaia_uwb.episode import Episode, EpisodeTruth
 from gaia_uwb.errors import InputError
 from gaia_uwb.estimate import AnchorFix
-from gaia_uwb.geometry import hausdorff, polygon_iou, rigid_align, rotation_matrix
+from gaia_uwb.polygons import hausdorff, polygon_iou
+from gaia_uwb.rigid_alignment import rigid_align, rotation_matrix
 from gaia_uwb.symmetric import Symmetric
 
 _CHI2_90 = -2.0 * np.log(0.1)  # 90 % quantile of chi-squared with 2 degrees of freedom

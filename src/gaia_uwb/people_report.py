@@ -17,8 +17,8 @@ from gaia_uwb.advice import Advice
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, BoundaryStatus
 from gaia_uwb.limits import SIGMAS_90, Limit, find_limits, limits_of_reasons
-from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
 from gaia_uwb.projection import to_geodetic
+from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from gaia_uwb.residuals import range_residual_m
 from gaia_uwb.scene import LocalFrame
 

@@ -13,19 +13,19 @@ service call it; none of them has a second copy.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from enum import StrEnum
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
 from gaia_uwb._typing import Array, Bool
 from gaia_uwb.alignment import align
-from gaia_uwb.boundary_uncertainty import BoundaryUncertainty, Levels, boundary_uncertainty
+from gaia_uwb.boundary import make_boundary
 from gaia_uwb.calibration import calibrate
 from gaia_uwb.config import PipelineConfig
+from gaia_uwb.decision import Decision
+from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers import Denoiser, make_denoiser
-from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import (
     AnchorFix,
     AnchorStatus,
@@ -35,128 +35,17 @@ from gaia_uwb.estimate import (
     ReasonKind,
 )
 from gaia_uwb.fusion import fuse, mark_moved
-from gaia_uwb.geometry import make_boundary
 from gaia_uwb.joint_fit import LocatedPass
-from gaia_uwb.known_facts import KnownFacts, said_words
-from gaia_uwb.locate import Hypotheses, locate
+from gaia_uwb.known_facts import KnownFacts
+from gaia_uwb.locate import locate
+from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from gaia_uwb.scene import Scene
-from gaia_uwb.scene_samples import sample_scenes
-from gaia_uwb.sides import Combinations, Decision, decide_sides
+from gaia_uwb.sides import decide_sides
 from gaia_uwb.zone_passes import in_one_frame, join_windows, with_anchor_ranges, with_anchors
 from gaia_uwb.zone_sides import decide_zone, widened
 
 _MISFIT_M = 1.0  # ranges of a working radio on a known path err by less
 _BIAS_SIGMA = 4.0  # a range bias so many prior standard deviations from 0 is none of a radio
-
-
-class ReconstructionStatus(StrEnum):
-    """Whether the boundary can be relied upon; the value is what people see."""
-
-    OK = "ok"
-    UNRELIABLE = "unreliable"
-
-
-@dataclass(frozen=True)
-class Reconstruction:
-    """The result of one reconstruction.
-
-    Parameters
-    ----------
-    episode
-        The aligned and calibrated ranges, with nothing of the truth in them; of the first pass, if
-        there are several. It has all anchors of the zone.
-    denoised
-        What the denoiser made of them.
-    anchors
-        One fix per anchor, in the order of ``episode.anchor_ids``.
-    boundary
-        The boundary through the located anchors.
-    status
-        ``unreliable`` where a reader must not take the boundary for granted.
-    reasons
-        Why it is unreliable; empty if it is not.
-    config
-        The settings that made it.
-    possible
-        Both places of each anchor and the combinations of sides that may be, where known.
-    more_passes
-        The other passes that were fused, each with all anchors of the zone, and what the denoiser
-        made of them.
-    """
-
-    episode: Episode
-    denoised: DenoisedRanges
-    anchors: tuple[AnchorFix, ...]
-    boundary: Boundary
-    status: ReconstructionStatus
-    reasons: tuple[Reason, ...]
-    config: PipelineConfig
-    possible: tuple[Hypotheses, Combinations] | None = None
-    more_passes: tuple[tuple[Episode, DenoisedRanges], ...] = ()
-
-    @cached_property
-    def boundary_uncertainty(self) -> BoundaryUncertainty | None:
-        """What the boundary may be instead, worked out when first asked for.
-
-        None where it is unknown, or fewer than 3 anchors were located.
-        """
-        if self.possible is None or len(self.possible[1].located) < 3:
-            return None
-        scenes = sample_scenes(*self.possible)
-        levels = Levels.of(learned=self.possible[1].learned)
-        return boundary_uncertainty(scenes.place_m, scenes.combination, levels)
-
-    @property
-    def passes(self) -> tuple[tuple[Episode, DenoisedRanges], ...]:
-        """Every pass that went in, and what the denoiser made of it."""
-        return ((self.episode, self.denoised), *self.more_passes)
-
-    @property
-    def stated(self) -> tuple[str, ...]:
-        """What was said of the zone beforehand and went into the result, in words."""
-        words = said_words(self.config.prior)
-        for fix in self.anchors:
-            if not fix.status.has_position:
-                words.pop(f"known_anchors.{fix.anchor_id}", None)
-        for reason in self.reasons:
-            if reason.kind is ReasonKind.STATEMENT:
-                for setting in reason.statements:
-                    words.pop(setting, None)
-        return tuple(words.values())
-
-    @property
-    def name(self) -> str:
-        """What to call the result: the name of the pass, or of the first and how many more."""
-        more = len(self.more_passes)
-        return f"{self.episode.name} and {more} more" if more else self.episode.name
-
-    def _repr_html_(self) -> str:
-        """Return what a notebook shows: the verdict, a top view and the anchors."""
-        from gaia_uwb._html import Mark, sketch, summary
-
-        located = [anchor for anchor in self.anchors if anchor.status.has_position]
-        facts = [
-            f"{self.status.value}: {len(located)} of {len(self.anchors)} anchors located, "
-            f"boundary {self.boundary.status.value}, {self.boundary.area_m2:.1f} m²",
-            *map(str, self.reasons),
-        ]
-        marks = [
-            Mark(a.anchor_id, a.position_m, a.covariance_m2, good=a.status is AnchorStatus.OK)
-            for a in located
-        ]
-        paths_m = [episode.position_m for episode, _ in self.passes]
-        picture = sketch(*paths_m, area_m=self.boundary.hull_m, marks=marks)
-        head = ("anchor", "status", "east (m)", "north (m)", "± (m, 90 %)", "other side", "ranges")
-        rows = [_html_row(anchor) for anchor in self.anchors]
-        return summary(self.name, facts, picture, head=head, rows=rows)
-
-
-def _html_row(anchor: AnchorFix) -> list[str]:
-    numbers = (*anchor.position_m, anchor.semi_axes_90_m[0])
-    east_m, north_m, within_m = (f"{n:.2f}" if np.isfinite(n) else "" for n in numbers)
-    share = f"{anchor.mirror_probability:.1%}" if anchor.status.has_position else ""
-    return [anchor.anchor_id, anchor.status.value, east_m, north_m, within_m, share,
-            str(anchor.n_ranges)]  # fmt: skip
 
 
 def prepare(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Episode:

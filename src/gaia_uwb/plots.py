@@ -6,8 +6,6 @@ Anchors that share a colour share their artists: a thousand anchors cost as few 
 
 from __future__ import annotations
 
-import io
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -18,7 +16,8 @@ from gaia_uwb._text import printable
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.boundary_uncertainty import BoundaryUncertainty
 from gaia_uwb.estimate import BoundaryStatus
-from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
+from gaia_uwb.figure_style import SCREEN_DPI
+from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from gaia_uwb.zone_passes import end_to_end, starts_s
 
 if TYPE_CHECKING:
@@ -32,7 +31,6 @@ _INNER, _OUTER = "#009E73", "#7A4FA3"
 _PATH, _ZONE, _WARNING, _INK = "#9A9A9A", "#F0E442", "#B3400A", "#222222"
 
 _SIZE_IN = (10.0, 9.0)
-_DPI = 110
 _MOST_RANGES = 100_000  # more dots than this the picture has no pixels for
 _MOST_NAMES = 12
 _CHI_SQUARE_90 = 2.0 * np.log(10.0)  # 90 % quantile with two degrees of freedom
@@ -60,7 +58,7 @@ def plot_reconstruction(
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=_SIZE_IN, dpi=_DPI)
+    figure = Figure(figsize=_SIZE_IN, dpi=SCREEN_DPI)
     _write_title(figure, reconstruction)
     cones = _Cones.of(reconstruction)
     known_m = np.empty((0, 2)) if truth_m is None else truth_m
@@ -84,40 +82,6 @@ def plot_reconstruction(
                   fontsize=8, frameon=False)  # fmt: skip
     _draw_ranges(figure, reconstruction)
     return figure
-
-
-def figure_png(figure: Figure) -> bytes:
-    """Return a figure as the bytes of a PNG file.
-
-    Parameters
-    ----------
-    figure
-        What :func:`plot_reconstruction` returned.
-    """
-    buffer = io.BytesIO()
-    with warnings.catch_warnings():
-        # A name may hold letters that the font lacks; a box in their place is no news to a user.
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        # Little compression: the encoder takes half the time for a file a fifth larger.
-        figure.savefig(buffer, format="png", dpi=_DPI, pil_kwargs={"compress_level": 2})
-    return buffer.getvalue()
-
-
-def figure_svg(figure: Figure) -> str:
-    """Return a figure as the text of an SVG file: lines and letters to scale and to edit.
-
-    Parameters
-    ----------
-    figure
-        What :func:`plot_reconstruction` returned.
-    """
-    import matplotlib as mpl
-
-    buffer = io.StringIO()
-    with warnings.catch_warnings(), mpl.rc_context({"svg.hashsalt": "gaia"}):
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        figure.savefig(buffer, format="svg", dpi=1.5 * _DPI, metadata={"Date": None})
-    return buffer.getvalue()
 
 
 @dataclass(frozen=True)
@@ -339,7 +303,7 @@ def _name_cones(axes: Axes, cones: _Cones, avoid_m: Float64[Array, "P 2"]) -> No
 
     A name that finds no room is left out.
     """
-    unit = _DPI / 72.0 * _NAME_POINTS
+    unit = SCREEN_DPI / 72.0 * _NAME_POINTS
     to_pixel, to_metre = axes.transData.transform, axes.transData.inverted().transform
     pixel = to_pixel(cones.position_m)
     ellipse = to_pixel(cones.ellipse_m.reshape(-1, 2)).reshape(cones.ellipse_m.shape)

@@ -34,11 +34,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Float64
 from gaia_uwb.boundary_uncertainty import BoundaryUncertainty
 from gaia_uwb.config import dump_config
-from gaia_uwb.episode import DenoisedRanges, Episode, RangeCalibration
+from gaia_uwb.episode import Episode, RangeCalibration
 from gaia_uwb.estimate import AnchorFix, Reason
+from gaia_uwb.figure_style import figure_png, figure_svg
 from gaia_uwb.files import OutputFolder
 from gaia_uwb.geojson import Json, boundary_geojson, lon_lat
 from gaia_uwb.geopackage import geopackage
@@ -46,11 +46,12 @@ from gaia_uwb.kml import kml
 from gaia_uwb.map_page import map_page
 from gaia_uwb.metrics import Metric
 from gaia_uwb.people_report import people_report
-from gaia_uwb.pipeline import Reconstruction
-from gaia_uwb.plots import figure_png, figure_svg, plot_reconstruction
+from gaia_uwb.plots import plot_reconstruction
+from gaia_uwb.reconstruction import Reconstruction
+from gaia_uwb.tables import other_place, write_anchors, write_ranges
 
 if TYPE_CHECKING:
-    import polars as pl
+    pass
 
 SCHEMA = 2
 
@@ -167,8 +168,8 @@ def write_all(
     for name in ("plot.svg", "boundary.gpkg", "boundary.kml"):
         output.remove(name)  # of an earlier run that was asked for it
     return [
-        output.write("anchors.csv", lambda path: _write_anchors(reconstruction, path)),
-        output.write("ranges.parquet", lambda path: _write_ranges(reconstruction, path)),
+        output.write("anchors.csv", lambda path: write_anchors(reconstruction, path)),
+        output.write("ranges.parquet", lambda path: write_ranges(reconstruction, path)),
         output.write_text("boundary.geojson", features),
         *(output.write_bytes(name, content) for name, content in optional.items()),
         *(output.write_bytes(name, content) for name, content in plots.items()),
@@ -243,7 +244,7 @@ def _anchors(reconstruction: Reconstruction) -> list[Json]:
 
 
 def _anchor(anchor: AnchorFix, lon: float, lat: float) -> Json:
-    covariance_m2, (mirror_m, mirror_m2) = anchor.covariance_m2, _mirror(anchor)
+    covariance_m2, (mirror_m, mirror_m2) = anchor.covariance_m2, other_place(anchor)
     return {
         "id": anchor.anchor_id,
         "east_m": _finite(anchor.position_m[0]),
@@ -262,71 +263,5 @@ def _anchor(anchor: AnchorFix, lon: float, lat: float) -> Json:
     }
 
 
-def _mirror(anchor: AnchorFix) -> tuple[Float64[Array, "2"], Float64[Array, "2 2"]]:
-    """Return the other place and its covariance; NaN where there is none."""
-    if anchor.has_mirror:
-        return anchor.mirror_position_m, anchor.mirror_covariance_m2
-    return np.full(2, np.nan), np.full((2, 2), np.nan)
-
-
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def _write_anchors(reconstruction: Reconstruction, path: Path) -> None:
-    import polars as pl
-
-    anchors = reconstruction.anchors
-    position_m = np.array([anchor.position_m for anchor in anchors])
-    covariance_m2 = np.array([anchor.covariance_m2 for anchor in anchors])
-    mirrors = [_mirror(anchor) for anchor in anchors]
-    mirror_m = np.array([place_m for place_m, _ in mirrors])
-    mirror_m2 = np.array([covariance for _, covariance in mirrors])
-    places = lon_lat(reconstruction.episode.frame, position_m).round(9)
-    table = pl.DataFrame(
-        {
-            "anchor_id": [anchor.anchor_id for anchor in anchors],
-            "status": [anchor.status.value for anchor in anchors],
-            "east_m": position_m[:, 0],
-            "north_m": position_m[:, 1],
-            "lon": places[:, 0],
-            "lat": places[:, 1],
-            "covariance_ee_m2": covariance_m2[:, 0, 0],
-            "covariance_en_m2": covariance_m2[:, 0, 1],
-            "covariance_nn_m2": covariance_m2[:, 1, 1],
-            "mirror_probability": [float(anchor.mirror_probability) for anchor in anchors],
-            "side_is_open": [anchor.side_is_open for anchor in anchors],
-            "mirror_east_m": mirror_m[:, 0],
-            "mirror_north_m": mirror_m[:, 1],
-            "mirror_covariance_ee_m2": mirror_m2[:, 0, 0],
-            "mirror_covariance_en_m2": mirror_m2[:, 0, 1],
-            "mirror_covariance_nn_m2": mirror_m2[:, 1, 1],
-            "n_ranges": [anchor.n_ranges for anchor in anchors],
-            "range_bias_m": [float(anchor.range_bias_m) for anchor in anchors],
-        }
-    )
-    table.with_columns(pl.col(pl.Float64).fill_nan(None)).write_csv(path)
-
-
-def _write_ranges(reconstruction: Reconstruction, path: Path) -> None:
-    import polars as pl
-
-    table = pl.concat([_ranges(*each) for each in reconstruction.passes])
-    table.with_columns(pl.col(pl.Float64).fill_nan(None)).write_parquet(path)
-
-
-def _ranges(episode: Episode, denoised: DenoisedRanges) -> pl.DataFrame:
-    import polars as pl
-
-    step, anchor = np.nonzero(episode.valid | denoised.valid)
-    return pl.DataFrame(
-        {
-            "pass": pl.repeat(episode.name, len(step), eager=True),
-            "t_s": episode.t_s[step],
-            "anchor_id": pl.Series(episode.anchor_ids, dtype=pl.String).gather(anchor),
-            "range_m": episode.range_m[step, anchor],
-            "denoised_range_m": denoised.range_m[step, anchor],
-            "sigma_m": denoised.sigma_m[step, anchor],
-            "valid": denoised.valid[step, anchor],
-        }
-    )

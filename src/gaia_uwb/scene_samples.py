@@ -22,11 +22,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gaia_uwb._typing import Array, Float64, Int64
+from gaia_uwb.decision import Combinations
 from gaia_uwb.honest_errors import Curves, square_root
 from gaia_uwb.layout_prior import joint_places
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.side_search import SHARED_ERRORS
-from gaia_uwb.sides import Combinations
 
 _SAMPLES = 512
 _FEWEST_SAMPLES = 256

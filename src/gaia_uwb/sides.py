@@ -23,7 +23,8 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Bool, Float64, Int64
 from gaia_uwb.config import SidesConfig, SolverConfig
-from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason
+from gaia_uwb.decision import KEPT, ChosenPlace, Combinations, Decision, kept_combinations, make_fix
+from gaia_uwb.estimate import AnchorFix, Reason
 from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.side_search import SHARED_ERRORS, Search, all_combinations
@@ -32,57 +33,6 @@ Known: TypeAlias = Callable[[Int64[Array, "_ _"]], Float64[Array, "_"]]
 
 _ENUMERATE = 8  # undecided anchors of which all combinations are compared
 _DECIDED = 12.0  # log odds beyond which the ranges alone decide
-KEPT = 32
-"""Combinations that a decision keeps."""
-_KEPT_EVIDENCE = 0.999  # or as few as hold this share of the evidence
-
-
-@dataclass(frozen=True)
-class Combinations:
-    """Which sides the anchors may stand on, together; the better-founded combinations first.
-
-    Parameters
-    ----------
-    located : (M,)
-        Indices of the anchors that were located.
-    side : (K, M)
-        Which hypothesis each of them takes in each combination.
-    weight : (K,)
-        Probabilities; they sum to 1. At most 32 combinations, or as few as hold 99.9 % of the
-        evidence.
-    joint
-        Whether the layout prior had a say in them.
-    learned
-        Whether they come from a denoiser that locates anchors itself (``zone_sides.py``).
-    """
-
-    located: Int64[Array, "M"]
-    side: Int64[Array, "K M"]
-    weight: Float64[Array, "K"]
-    joint: bool
-    learned: bool = False
-
-
-@dataclass(frozen=True)
-class Decision:
-    """What was decided about the anchors' sides.
-
-    Parameters
-    ----------
-    anchors
-        One fix per anchor, in the order of ``anchor_ids``.
-    combinations
-        What else the anchors' sides may be.
-    hypotheses
-        Both places of each anchor, with what was surveyed of them.
-    reasons
-        What the ranges say against what was known beforehand.
-    """
-
-    anchors: tuple[AnchorFix, ...]
-    combinations: Combinations
-    hypotheses: Hypotheses
-    reasons: tuple[Reason, ...] = ()
 
 
 def resolve_sides(
@@ -143,7 +93,13 @@ def decide_sides(
         combinations = _independent(chosen.mirror_probability[located], located)
     chosen = _honest(hypotheses, chosen)
     anchors = tuple(
-        _fix(anchor_id, hypotheses, chosen, n, config, solver)
+        make_fix(
+            anchor_id,
+            _place(hypotheses, chosen, n),
+            int(hypotheses.n_ranges[n]),
+            config,
+            solver,
+        )
         for n, anchor_id in enumerate(anchor_ids)
     )
     return Decision(anchors, combinations, hypotheses, reasons)
@@ -208,32 +164,6 @@ def _independent(mirror: Float64[Array, "M"], located: Int64[Array, "M"]) -> Com
     drawn = np.random.default_rng(0).random((KEPT, len(located))) < mirror  # all of them are kept
     side, count = np.unique(drawn.astype(np.int64), axis=0, return_counts=True)
     return kept_combinations(side, count.astype(np.float64), located, joint=False)
-
-
-def kept_combinations(
-    side: Int64[Array, "K M"],
-    weight: Float64[Array, "K"],
-    located: Int64[Array, "M"],
-    *,
-    joint: bool,
-) -> Combinations:
-    """Keep the combinations that matter, the likeliest first.
-
-    Parameters
-    ----------
-    side : (K, M)
-        Combinations of sides.
-    weight : (K,)
-        Above 0, on any scale.
-    located : (M,)
-        Indices of the anchors.
-    joint
-        Like :class:`Combinations`.
-    """
-    order = np.argsort(-weight, kind="stable")
-    share = np.cumsum(weight[order]) / weight.sum()
-    order = order[: min(KEPT, int(np.searchsorted(share, _KEPT_EVIDENCE)) + 1)]
-    return Combinations(located, side[order], weight[order] / weight[order].sum(), joint)
 
 
 @dataclass(frozen=True)
@@ -327,62 +257,16 @@ def _open(
     return np.sort(least_sure[:count])
 
 
-def _fix(
-    anchor_id: str,
-    hypotheses: Hypotheses,
-    chosen: _Choice,
-    n: int,
-    config: SidesConfig,
-    solver: SolverConfig,
-) -> AnchorFix:
-    """Put one anchor's result together and say how far it can be trusted."""
-    side = int(chosen.side[n])
-    covariance = chosen.covariance_m2[n]
-    mirror = float(chosen.mirror_probability[n])
-    if np.isfinite(chosen.place_m[n]).all():
-        status = status_of(covariance, mirror, bool(hypotheses.converged[n]), config, solver)
-    else:
-        status, mirror = AnchorStatus.TOO_FEW_RANGES, 0.0
-    return AnchorFix(
-        anchor_id=anchor_id,
+def _place(hypotheses: Hypotheses, chosen: _Choice, n: int) -> ChosenPlace | None:
+    """Return where one anchor stands, or None if its ranges are too few."""
+    if not np.isfinite(chosen.place_m[n]).all():
+        return None
+    return ChosenPlace(
         position_m=chosen.place_m[n],
-        covariance_m2=covariance,
-        mirror_position_m=hypotheses.position_m[n, 1 - side],
-        mirror_probability=mirror,
-        status=status,
-        n_ranges=int(hypotheses.n_ranges[n]),
-        range_bias_m=float(hypotheses.own_bias_m[n]),
+        covariance_m2=chosen.covariance_m2[n],
+        mirror_position_m=hypotheses.position_m[n, 1 - int(chosen.side[n])],
         mirror_covariance_m2=chosen.mirror_covariance_m2[n],
-        side_is_open=mirror > config.ambiguous_above,
+        mirror_probability=float(chosen.mirror_probability[n]),
+        range_bias_m=float(hypotheses.own_bias_m[n]),
+        converged=bool(hypotheses.converged[n]),
     )
-
-
-def status_of(
-    covariance_m2: Float64[Array, "2 2"],
-    mirror_probability: float,
-    converged: bool,
-    config: SidesConfig,
-    solver: SolverConfig,
-) -> AnchorStatus:
-    """Return how far a place can be trusted; the worst that can be said of it.
-
-    Parameters
-    ----------
-    covariance_m2 : (2, 2)
-        Of the place.
-    mirror_probability
-        Of the other place.
-    converged
-        Whether the search for it did.
-    config
-        ``ambiguous_above``.
-    solver
-        ``ill_conditioned_above_m``.
-    """
-    if np.linalg.eigvalsh(covariance_m2)[1] > solver.ill_conditioned_above_m**2:
-        return AnchorStatus.ILL_CONDITIONED
-    if not converged:
-        return AnchorStatus.NOT_CONVERGED
-    if mirror_probability > config.ambiguous_above:
-        return AnchorStatus.AMBIGUOUS
-    return AnchorStatus.OK

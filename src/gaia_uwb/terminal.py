@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from gaia_uwb.metrics import Metric
-    from gaia_uwb.pipeline import Reconstruction
+    from gaia_uwb.reconstruction import Reconstruction
 
 _Item = TypeVar("_Item")
 

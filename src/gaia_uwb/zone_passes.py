@@ -14,7 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from gaia_uwb._typing import Array, Float64
-from gaia_uwb.episode import DenoisedRanges, Episode, EpisodeTruth
+from gaia_uwb.denoised import DenoisedRanges
+from gaia_uwb.episode import Episode, EpisodeTruth
 from gaia_uwb.errors import InputError
 from gaia_uwb.projection import to_geodetic, to_local
 from gaia_uwb.scene import LocalFrame, Scene

@@ -1,7 +1,7 @@
 """From what a denoiser says of a zone to one fix per anchor, and the sides that may be instead.
 
 The counterpart of ``sides.py`` for denoisers that locate anchors themselves
-(:class:`~gaia_uwb.zone_posterior.ZonePosterior`): the likeliest combination of sides is chosen, and
+(:class:`~gaia_uwb.denoised.ZonePosterior`): the likeliest combination of sides is chosen, and
 an anchor's mirror image keeps the probability of all combinations that put the anchor there.
 """
 
@@ -15,13 +15,13 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Float64, Int64
 from gaia_uwb.config import SidesConfig, SolverConfig
+from gaia_uwb.decision import KEPT, ChosenPlace, Combinations, Decision, kept_combinations, make_fix
+from gaia_uwb.denoised import ZonePosterior
 from gaia_uwb.episode import Episode
-from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason
+from gaia_uwb.estimate import Reason
 from gaia_uwb.known_facts import KnownFacts
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.side_search import SHARED_ERRORS
-from gaia_uwb.sides import KEPT, Combinations, Decision, kept_combinations, status_of
-from gaia_uwb.zone_posterior import ZonePosterior
 
 _LOOKED_AT = 128  # likeliest combinations under each hypothesis
 _ENOUGH = 0.9  # probability of the combinations that are kept, else they are drawn
@@ -66,14 +66,17 @@ def decide_zone(
     else:
         choice = _Choice.with_facts(zone, located, hypotheses, facts, ids)
     row = {n: k for k, n in enumerate(located.tolist())}
-    anchors = []
-    for n, anchor_id in enumerate(anchor_ids):
-        if n in row:
-            fix = _fix(anchor_id, choice, row[n], n, int(n_ranges[n]), config, solver)
-        else:
-            fix = _nowhere(anchor_id, int(n_ranges[n]))
-        anchors.append(fix)
-    return Decision(tuple(anchors), choice.combinations, choice.hypotheses, choice.reasons)
+    anchors = tuple(
+        make_fix(
+            anchor_id,
+            _place(choice, row[n], n) if n in row else None,
+            int(n_ranges[n]),
+            config,
+            solver,
+        )
+        for n, anchor_id in enumerate(anchor_ids)
+    )
+    return Decision(anchors, choice.combinations, choice.hypotheses, choice.reasons)
 
 
 @dataclass(frozen=True)
@@ -169,44 +172,15 @@ class _Choice:
         )
 
 
-def _fix(
-    anchor_id: str,
-    choice: _Choice,
-    row: int,
-    n: int,
-    n_ranges: int,
-    config: SidesConfig,
-    solver: SolverConfig,
-) -> AnchorFix:
-    """Put the result of the located anchor of a row together."""
-    covariance_m2 = choice.covariance_m2[row]
-    mirror = float(choice.mirror_probability[row])
+def _place(choice: _Choice, row: int, n: int) -> ChosenPlace:
+    """Return where the located anchor of a row stands."""
     other = 1 - int(choice.side[row])
-    return AnchorFix(
-        anchor_id=anchor_id,
+    return ChosenPlace(
         position_m=choice.place_m[row],
-        covariance_m2=covariance_m2,
+        covariance_m2=choice.covariance_m2[row],
         mirror_position_m=choice.hypotheses.position_m[n, other],
-        mirror_probability=mirror,
-        status=status_of(covariance_m2, mirror, True, config, solver),
-        n_ranges=n_ranges,
-        range_bias_m=np.nan,
         mirror_covariance_m2=choice.hypotheses.covariance_m2[n, other],
-        side_is_open=mirror > config.ambiguous_above,
-    )
-
-
-def _nowhere(anchor_id: str, n_ranges: int) -> AnchorFix:
-    """Return the result of an anchor with too few ranges."""
-    return AnchorFix(
-        anchor_id=anchor_id,
-        position_m=np.full(2, np.nan),
-        covariance_m2=np.full((2, 2), np.nan),
-        mirror_position_m=np.full(2, np.nan),
-        mirror_probability=0.0,
-        status=AnchorStatus.TOO_FEW_RANGES,
-        n_ranges=n_ranges,
-        mirror_covariance_m2=np.full((2, 2), np.nan),
+        mirror_probability=float(choice.mirror_probability[row]),
     )
 
 

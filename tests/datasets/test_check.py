@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gaia_uwb.datasets.check import CheckReport, check_outdoor_static, check_scene
+from gaia_uwb.datasets.check import CheckReport, check_scene
+from gaia_uwb.datasets.outdoor_check import check_outdoor_static
 from gaia_uwb.errors import InputError
 from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory, Truth
 from gaia_uwb.simulate import PRESETS, simulate_pass

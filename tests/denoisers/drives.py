@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers import make_denoiser
-from gaia_uwb.episode import DenoisedRanges, Episode, EpisodeTruth
+from gaia_uwb.episode import Episode, EpisodeTruth
 
 METHODS = ("raw", "median", "kalman", "pose-kalman")
 FILTERS = METHODS[1:]

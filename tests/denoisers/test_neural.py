@@ -18,8 +18,9 @@ import torch
 from gaia_uwb.checkpoint import DESCRIPTION, ONNX, WEIGHTS, read_description, read_weights, seal
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.corrections import largest_median_correction_m
+from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers import make_denoiser
-from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.estimate import ReasonKind
 from gaia_uwb.features import blend, make_features, window_starts

@@ -52,7 +52,7 @@ REGISTRY = {
         citation="Comprehensive outdoor UWB dataset, Scientific Data (2025), "
         "https://doi.org/10.1038/s41597-025-05887-9",
         loader="gaia_uwb.datasets.outdoor_uwb:load",
-        checker="gaia_uwb.datasets.check:check_outdoor_static",
+        checker="gaia_uwb.datasets.outdoor_check:check_outdoor_static",
     ),
 }
 

@@ -133,24 +133,6 @@ class Bag:
         return InputError(f"damaged at byte {at:,}: {problem}", source=self.path)
 
 
-def open_bag(path: Path) -> Bag:
-    """Return the reader of a file, told by its ending, not yet scanned.
-
-    Raises
-    ------
-    InputError
-        If the ending is none of ``.bag``, ``.mcap``, ``.db3``.
-    """
-    from gaia_uwb.datasets._bag_mcap import McapBag
-    from gaia_uwb.datasets._bag_ros1 import Ros1Bag
-    from gaia_uwb.datasets._bag_sqlite import SqliteBag
-
-    kinds: dict[str, type[Bag]] = {".bag": Ros1Bag, ".mcap": McapBag, ".db3": SqliteBag}
-    if path.suffix not in kinds:
-        raise InputError("expected a .bag, .mcap or .db3 file", source=path)
-    return kinds[path.suffix](path)
-
-
 def _printable(text: str) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from gaia_uwb._text import shown
-from gaia_uwb.datasets._bag_files import MAX_FILE_BYTES, Bag, Message, open_bag
+from gaia_uwb.datasets._bag_files import MAX_FILE_BYTES, Bag, Message
 from gaia_uwb.datasets._logs import check_file
 from gaia_uwb.errors import InputError
 from gaia_uwb.strict_yaml import YamlError, read_yaml
@@ -91,3 +91,21 @@ def walk(bag: Bag, wanted: set[int]) -> Iterator[Message]:
         yield from bag.walk(wanted)
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", source=bag.path) from error
+
+
+def open_bag(path: Path) -> Bag:
+    """Return the reader of a file, told by its ending, not yet scanned.
+
+    Raises
+    ------
+    InputError
+        If the ending is none of ``.bag``, ``.mcap``, ``.db3``.
+    """
+    from gaia_uwb.datasets._bag_mcap import McapBag
+    from gaia_uwb.datasets._bag_ros1 import Ros1Bag
+    from gaia_uwb.datasets._bag_sqlite import SqliteBag
+
+    kinds: dict[str, type[Bag]] = {".bag": Ros1Bag, ".mcap": McapBag, ".db3": SqliteBag}
+    if path.suffix not in kinds:
+        raise InputError("expected a .bag, .mcap or .db3 file", source=path)
+    return kinds[path.suffix](path)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ import numpy as np
 from gaia_uwb._text import in_a_line
 from gaia_uwb._typing import Array, Bool, Float64, Int64
 from gaia_uwb.datasets.observability import Observability, observe
-from gaia_uwb.datasets.outdoor_static import StaticFile, load_static
 from gaia_uwb.errors import GaiaError
 from gaia_uwb.scene import Scene, Trajectory
 
@@ -39,8 +37,6 @@ STRAIGHT_BELOW = 0.02
 
 MIN_USABLE = 4
 """Fewer usable readings than this do not locate an anchor."""
-
-_FEW_STATIC_READINGS = 50
 
 
 @dataclass(frozen=True)
@@ -230,38 +226,6 @@ def check_scene(scene: Scene, notes: tuple[str, ...] = ()) -> CheckReport:
         problems=(*_problems(drive, anchors), *problems),
         notes=(*notes, *_notes(scene, drive, anchors), *more),
     )
-
-
-def check_outdoor_static(folder: Path) -> CheckReport:
-    """Look at the static files of the outdoor data set.
-
-    Parameters
-    ----------
-    folder
-        The data set's folder.
-
-    Raises
-    ------
-    InputError
-        If there are none, or one is not what it should be.
-    """
-    files = load_static(folder)
-
-    empty = [file for file in files if not len(file)]
-    few = [file for file in files if 0 < len(file) < _FEW_STATIC_READINGS]
-    damaged = [file for file in files if file.n_damaged]
-    notes = [f"{len(files)} files with {sum(map(len, files))} readings"]
-    if empty:
-        notes.append(f"{len(empty)} files have no readings: {_names(empty)}")
-    if few:
-        notes.append(f"{len(few)} files have fewer than {_FEW_STATIC_READINGS}: {_names(few)}")
-    if damaged:
-        notes.append(f"{len(damaged)} files have garbled rows: {_names(damaged)}")
-    return CheckReport("outdoor-uwb, static files", notes=tuple(notes))
-
-
-def _names(files: list[StaticFile]) -> str:
-    return ", ".join("/".join(file.path.parts[-3:]) for file in files)
 
 
 def _check_drive(drive: Trajectory) -> DriveCheck:

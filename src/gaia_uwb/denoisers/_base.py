@@ -18,7 +18,8 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.config import Settings
-from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.denoised import DenoisedRanges
+from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import Reason
 
 _CHUNK = 3 << 20  # readings laid side by side at a time

@@ -18,10 +18,11 @@ from pydantic import Field
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.checkpoint import ONNX, find_model, read_description, read_file
 from gaia_uwb.corrections import largest_median_correction_m
+from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers._base import Denoiser, Options
 from gaia_uwb.denoisers._onnx import start_session
 from gaia_uwb.denoisers.median import Median, MedianOptions
-from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.estimate import Reason, ReasonKind
 from gaia_uwb.features import Features, blend, make_features, window_starts

@@ -21,8 +21,9 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Bool
 from gaia_uwb.config import PipelineConfig
+from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers import denoiser_identity, make_denoiser
-from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.files import OutputFolder
 from gaia_uwb.locate import locate

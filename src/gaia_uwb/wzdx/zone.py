@@ -17,8 +17,8 @@ from gaia_uwb._text import shown
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.errors import InputError
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
-from gaia_uwb.pipeline import Reconstruction, ReconstructionStatus
 from gaia_uwb.projection import to_local
+from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from gaia_uwb.scene import LocalFrame
 from gaia_uwb.wzdx.strict_json import read_json
 from gaia_uwb.wzdx.travel import passed_at, stretch, thinned

@@ -1,17 +1,21 @@
-"""What a denoiser that knows work zones says of all anchors of one together.
+"""What a denoiser gives: cleaned ranges and, if it knows work zones, the places of all anchors.
 
-A mixture of two scene hypotheses, "left" and "right", given each of which the anchors choose one of
-their two places independently. So that the sides of all anchors are open, but not which of them
-stand together, is one statement and not many.
+The places are a mixture of two scene hypotheses, "left" and "right", given each of which the
+anchors choose one of their two places independently. So that the sides of all anchors are open, but
+not which of them stand together, is one statement and not many.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from gaia_uwb._checks import check_finite, check_shape, freeze
+from gaia_uwb._checks import (
+    check_finite,
+    check_shape,
+    freeze,
+)
 from gaia_uwb._typing import Array, Bool, Float64
 from gaia_uwb.errors import InputError
 
@@ -67,3 +71,43 @@ class ZonePosterior:
                 f"expected probabilities that add up to 1, got {self.scene_probability}",
                 column="scene_probability",
             )
+
+
+@dataclass(frozen=True)
+class DenoisedRanges:
+    """What a denoiser makes of an Episode: a range, its standard deviation and its validity.
+
+    Parameters
+    ----------
+    range_m : (T, N)
+        Denoised slant ranges, in metres; NaN where not valid.
+    sigma_m : (T, N)
+        Standard deviation of each range, in metres, above 0; NaN where not valid.
+    valid : (T, N)
+        True where the range may be used.
+    zone
+        Where the anchors stand, from a denoiser that says so.
+
+    Raises
+    ------
+    InputError
+        If shapes disagree, a valid range is not finite or its sigma not above 0, or a range that
+        is not valid is not NaN.
+    """
+
+    range_m: Float64[Array, "T N"]
+    sigma_m: Float64[Array, "T N"]
+    valid: Bool[Array, "T N"]
+    zone: ZonePosterior | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        range_m = freeze(self, "range_m", self.range_m, np.float64)
+        sigma_m = freeze(self, "sigma_m", self.sigma_m, np.float64)
+        valid = freeze(self, "valid", self.valid, np.bool_)
+        check_shape("sigma_m", sigma_m, range_m.shape)
+        check_shape("valid", valid, range_m.shape)
+        if not (np.isfinite(range_m) & np.isfinite(sigma_m) & (sigma_m > 0))[valid].all():
+            problem = "expected finite ranges and positive sigmas where valid"
+            raise InputError(problem, column="range_m")
+        if not (np.isnan(range_m) & np.isnan(sigma_m) | valid).all():
+            raise InputError("expected NaN where not valid", column="range_m")

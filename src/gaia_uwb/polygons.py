@@ -1,4 +1,4 @@
-"""Plane geometry of a work zone: hull, outline, IoU, Hausdorff distance, rigid alignment.
+"""Plane geometry: convex hull, intersection, IoU, Hausdorff distance, reflection.
 
 Points are (east, north) in metres. Polygons are convex and given by points whose hull they are, in
 any order, so a hull that has shrunk to a segment or a point needs no special case. Every sum runs
@@ -7,15 +7,10 @@ on coordinates relative to a point nearby: results are the same at UTM-sized coo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from gaia_uwb._checks import check_finite, check_shape
 from gaia_uwb._typing import Array, Float64, Int64
 from gaia_uwb.errors import InputError
-from gaia_uwb.estimate import Boundary, BoundaryStatus
-from gaia_uwb.tour import short_tour
 
 
 def convex_hull(points_m: Float64[Array, "N 2"]) -> Float64[Array, "K 2"]:
@@ -44,10 +39,10 @@ def convex_hull(points_m: Float64[Array, "N 2"]) -> Float64[Array, "K 2"]:
     [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0]]
     """
     points_m = points_m[np.isfinite(points_m).all(axis=1)]
-    return points_m[_hull_index(points_m)]
+    return points_m[hull_index(points_m)]
 
 
-def _hull_index(points: Float64[Array, "N 2"]) -> Int64[Array, "K"]:
+def hull_index(points: Float64[Array, "N 2"]) -> Int64[Array, "K"]:
     """Return the rows of finite points that are corners of their hull, counter-clockwise."""
     if not len(points):
         return np.zeros(0, dtype=np.int64)
@@ -94,15 +89,15 @@ def polygon_area(polygon_m: Float64[Array, "K 2"]) -> float:
     >>> polygon_area(np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0]]))
     6.0
     """
-    return abs(_signed_area(polygon_m))
+    return abs(signed_area(polygon_m))
 
 
-def _signed_area(polygon: Float64[Array, "K 2"]) -> float:
+def signed_area(polygon: Float64[Array, "K 2"]) -> float:
     """Return the area, positive where the corners run counter-clockwise."""
     if len(polygon) < 3:
         return 0.0
     local = polygon - polygon[0]
-    return 0.5 * float(_cross(local, np.roll(local, -1, axis=0)).sum())
+    return 0.5 * float(cross(local, np.roll(local, -1, axis=0)).sum())
 
 
 def convex_intersection(
@@ -134,7 +129,7 @@ def convex_intersection(
     corner, clip = corner - origin, clip - origin
     # Sutherland and Hodgman: cut along each edge; exact, because the clip polygon is convex.
     for start, end in zip(clip, np.roll(clip, -1, axis=0), strict=True):
-        height = _cross(end - start, corner - start)  # >= 0 on the inner side of the edge
+        height = cross(end - start, corner - start)  # >= 0 on the inner side of the edge
         inside, following = height >= 0, np.roll(height, -1)
         crossing = inside != (following >= 0)
         fraction = np.where(crossing, height, 0.0) / np.where(crossing, height - following, 1.0)
@@ -217,141 +212,6 @@ def hausdorff(first_m: Float64[Array, "K 2"], second_m: Float64[Array, "L 2"]) -
     return float(max(gap_m))
 
 
-def ordered_outline(points_m: Float64[Array, "N 2"]) -> tuple[int, ...]:
-    """Return the order in which a closed outline visits all points without crossing itself.
-
-    Where cones follow a bend, the outline does too, while the hull cuts across. It is a short
-    closed tour grown from the hull; see :func:`gaia_uwb.tour.short_tour`.
-
-    Parameters
-    ----------
-    points_m : (N, 2)
-        East and north, in metres. Points that hold a NaN or an infinity are left out.
-
-    Returns
-    -------
-    tuple of int
-        Rows of ``points_m``, counter-clockwise, from the lowest row on. Points in one place
-        follow one another.
-
-    Examples
-    --------
-    >>> ordered_outline(np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 4.0], [2.0, 1.0], [4.0, 4.0]]))
-    (0, 3, 1, 4, 2)
-    """
-    located = np.flatnonzero(np.isfinite(points_m).all(axis=1))
-    if not len(located):
-        return ()
-    # Points in one place are one stop of the tour.
-    place_m, stop = np.unique(points_m[located], axis=0, return_inverse=True)
-    stop = stop.ravel()  # NumPy 2.0 gave it a second axis
-    tour = short_tour(place_m, start=_hull_index(place_m))
-    if _signed_area(place_m[tour]) < 0:
-        tour = tour[::-1]
-    tour = np.roll(tour, -int(np.argmax(tour == stop[0])))
-    return tuple(int(row) for visited in tour for row in located[stop == visited])
-
-
-def make_boundary(points_m: Float64[Array, "N 2"]) -> Boundary:
-    """Return the hull and the ordered outline of the located anchors.
-
-    Parameters
-    ----------
-    points_m : (N, 2)
-        East and north of the anchors, in metres; NaN for an anchor without a position.
-
-    Returns
-    -------
-    Boundary
-        Status ``too-few-anchors`` with fewer than 3 located anchors, ``collinear`` where they
-        stand on one line or in one place, else ``ok``.
-
-    Examples
-    --------
-    >>> boundary = make_boundary(np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]]))
-    >>> boundary.status.value, boundary.area_m2
-    ('ok', 6.0)
-    """
-    hull_m, order = convex_hull(points_m), ordered_outline(points_m)
-    status = BoundaryStatus.OK
-    if len(order) < 3:
-        status = BoundaryStatus.TOO_FEW_ANCHORS
-    elif len(hull_m) < 3:
-        status = BoundaryStatus.COLLINEAR
-    return Boundary(hull_m, points_m[list(order)], order, polygon_area(hull_m), status)
-
-
-@dataclass(frozen=True)
-class RigidAlignment:
-    """Points that were turned about the frame's origin and then shifted.
-
-    Parameters
-    ----------
-    points_m : (N, 2)
-        The moved points, in metres.
-    rotation_rad
-        Counter-clockwise, in [-pi, pi].
-    translation_m : (2,)
-        East and north, in metres.
-    """
-
-    points_m: Float64[Array, "N 2"]
-    rotation_rad: float
-    translation_m: Float64[Array, "2"]
-
-
-def rigid_align(
-    estimated_m: Float64[Array, "N 2"], true_m: Float64[Array, "M 2"]
-) -> RigidAlignment:
-    """Move points rigidly onto their true places, with the least sum of squared distances.
-
-    There is no scale and no reflection: a mirrored layout stays mirrored.
-
-    Parameters
-    ----------
-    estimated_m, true_m : (N, 2)
-        The same N points in both, in metres.
-
-    Returns
-    -------
-    RigidAlignment
-        With rotation 0 where the points cannot tell it (one point, or all in one place).
-
-    Raises
-    ------
-    InputError
-        If there is no point, the shapes differ, or a number is not finite.
-
-    Examples
-    --------
-    >>> true_m = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]])
-    >>> alignment = rigid_align(true_m[:, ::-1] * [-1.0, 1.0] + [7.0, 0.0], true_m)
-    >>> bool(np.allclose(alignment.points_m, true_m)), round(np.degrees(alignment.rotation_rad))
-    (True, -90)
-    """
-    if not len(estimated_m):
-        raise InputError("expected at least one point to align, got none", column="estimated_m")
-    check_shape("true_m", true_m, estimated_m.shape)
-    check_finite("estimated_m", estimated_m)
-    check_finite("true_m", true_m)
-    centre_m, true_centre_m = estimated_m.mean(axis=0), true_m.mean(axis=0)
-    local, target = estimated_m - centre_m, true_m - true_centre_m
-    # In the plane, Kabsch's rotation has a closed form.
-    angle_rad = float(np.arctan2(_cross(local, target).sum(), (local * target).sum()))
-    turn = rotation_matrix(angle_rad)
-    return RigidAlignment(
-        points_m=local @ turn.T + true_centre_m,
-        rotation_rad=angle_rad,
-        translation_m=true_centre_m - turn @ centre_m,
-    )
-
-
-def rotation_matrix(angle_rad: float) -> Float64[Array, "2 2"]:
-    """Return the matrix that turns a column vector counter-clockwise by an angle in radians."""
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    return np.array([[cos, -sin], [sin, cos]])
-
-
 def reflect_in_line(
     points_m: Float64[Array, "N 2"], origin_m: Float64[Array, "2"], direction: Float64[Array, "2"]
 ) -> Float64[Array, "N 2"]:
@@ -384,7 +244,7 @@ def reflect_in_line(
     return np.asarray(origin_m + 2.0 * (local @ unit)[:, None] * unit - local)
 
 
-def _cross(a: Array, b: Array) -> Array:
+def cross(a: Array, b: Array) -> Array:
     """Return the third component of the cross product along the last axis."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 

@@ -1,0 +1,135 @@
+"""What came out of a reconstruction; whatever shows a result needs to know only this."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+
+import numpy as np
+
+from gaia_uwb.boundary_uncertainty import BoundaryUncertainty, Levels, boundary_uncertainty
+from gaia_uwb.config import PipelineConfig
+from gaia_uwb.decision import Combinations
+from gaia_uwb.denoised import DenoisedRanges
+from gaia_uwb.episode import Episode
+from gaia_uwb.estimate import (
+    AnchorFix,
+    AnchorStatus,
+    Boundary,
+    Reason,
+    ReasonKind,
+)
+from gaia_uwb.locate import Hypotheses
+from gaia_uwb.scene_samples import sample_scenes
+from gaia_uwb.statement import said_words
+
+
+class ReconstructionStatus(StrEnum):
+    """Whether the boundary can be relied upon; the value is what people see."""
+
+    OK = "ok"
+    UNRELIABLE = "unreliable"
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """The result of one reconstruction.
+
+    Parameters
+    ----------
+    episode
+        The aligned and calibrated ranges, with nothing of the truth in them; of the first pass, if
+        there are several. It has all anchors of the zone.
+    denoised
+        What the denoiser made of them.
+    anchors
+        One fix per anchor, in the order of ``episode.anchor_ids``.
+    boundary
+        The boundary through the located anchors.
+    status
+        ``unreliable`` where a reader must not take the boundary for granted.
+    reasons
+        Why it is unreliable; empty if it is not.
+    config
+        The settings that made it.
+    possible
+        Both places of each anchor and the combinations of sides that may be, where known.
+    more_passes
+        The other passes that were fused, each with all anchors of the zone, and what the denoiser
+        made of them.
+    """
+
+    episode: Episode
+    denoised: DenoisedRanges
+    anchors: tuple[AnchorFix, ...]
+    boundary: Boundary
+    status: ReconstructionStatus
+    reasons: tuple[Reason, ...]
+    config: PipelineConfig
+    possible: tuple[Hypotheses, Combinations] | None = None
+    more_passes: tuple[tuple[Episode, DenoisedRanges], ...] = ()
+
+    @cached_property
+    def boundary_uncertainty(self) -> BoundaryUncertainty | None:
+        """What the boundary may be instead, worked out when first asked for.
+
+        None where it is unknown, or fewer than 3 anchors were located.
+        """
+        if self.possible is None or len(self.possible[1].located) < 3:
+            return None
+        scenes = sample_scenes(*self.possible)
+        levels = Levels.of(learned=self.possible[1].learned)
+        return boundary_uncertainty(scenes.place_m, scenes.combination, levels)
+
+    @property
+    def passes(self) -> tuple[tuple[Episode, DenoisedRanges], ...]:
+        """Every pass that went in, and what the denoiser made of it."""
+        return ((self.episode, self.denoised), *self.more_passes)
+
+    @property
+    def stated(self) -> tuple[str, ...]:
+        """What was said of the zone beforehand and went into the result, in words."""
+        words = said_words(self.config.prior)
+        for fix in self.anchors:
+            if not fix.status.has_position:
+                words.pop(f"known_anchors.{fix.anchor_id}", None)
+        for reason in self.reasons:
+            if reason.kind is ReasonKind.STATEMENT:
+                for setting in reason.statements:
+                    words.pop(setting, None)
+        return tuple(words.values())
+
+    @property
+    def name(self) -> str:
+        """What to call the result: the name of the pass, or of the first and how many more."""
+        more = len(self.more_passes)
+        return f"{self.episode.name} and {more} more" if more else self.episode.name
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the verdict, a top view and the anchors."""
+        from gaia_uwb._html import Mark, sketch, summary
+
+        located = [anchor for anchor in self.anchors if anchor.status.has_position]
+        facts = [
+            f"{self.status.value}: {len(located)} of {len(self.anchors)} anchors located, "
+            f"boundary {self.boundary.status.value}, {self.boundary.area_m2:.1f} m²",
+            *map(str, self.reasons),
+        ]
+        marks = [
+            Mark(a.anchor_id, a.position_m, a.covariance_m2, good=a.status is AnchorStatus.OK)
+            for a in located
+        ]
+        paths_m = [episode.position_m for episode, _ in self.passes]
+        picture = sketch(*paths_m, area_m=self.boundary.hull_m, marks=marks)
+        head = ("anchor", "status", "east (m)", "north (m)", "± (m, 90 %)", "other side", "ranges")
+        rows = [_html_row(anchor) for anchor in self.anchors]
+        return summary(self.name, facts, picture, head=head, rows=rows)
+
+
+def _html_row(anchor: AnchorFix) -> list[str]:
+    numbers = (*anchor.position_m, anchor.semi_axes_90_m[0])
+    east_m, north_m, within_m = (f"{n:.2f}" if np.isfinite(n) else "" for n in numbers)
+    share = f"{anchor.mirror_probability:.1%}" if anchor.status.has_position else ""
+    return [anchor.anchor_id, anchor.status.value, east_m, north_m, within_m, share,
+            str(anchor.n_ranges)]  # fmt: skip
