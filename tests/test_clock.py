@@ -61,6 +61,20 @@ def test_offsets_come_back_with_an_honest_error() -> None:
     assert np.abs([clock.offset_s - 0.2 for clock in found]).max() < 0.03
 
 
+@pytest.mark.parametrize("heavy", [False, True])
+def test_the_standard_error_is_what_the_offset_errs_by(heavy: bool) -> None:
+    exact = drive_past(loop_path(), offset_s=0.2, noise_m=0.0)
+    z = []
+    for seed in range(60):
+        rng, n = np.random.default_rng(seed), len(exact.ranges)
+        noise_m = 0.05 * (rng.standard_t(4, n) if heavy else rng.standard_normal(n))
+        range_m = np.maximum(exact.ranges.range_m + noise_m, 0.01)
+        found = estimate(replace(exact, ranges=replace(exact.ranges, range_m=range_m)))
+        z.append((found.offset_s - 0.2) / found.sigma_s)
+    assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.15
+    assert (np.abs(z) < 2.0).mean() > 0.92
+
+
 def test_two_equal_clocks_are_hardly_ever_told_apart() -> None:
     found = [estimate(simulate_pass(with_offset(0.0), seed)) for seed in range(40)]
     assert sum(clock.applied for clock in found) <= 4

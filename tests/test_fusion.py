@@ -4,10 +4,12 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from drives_past import CONES_M, IDS, PURE, located, make_pass, place_error_m
 from gaia_uwb.estimate import AnchorStatus, ReasonKind
 from gaia_uwb.fusion import fuse, mark_moved
+from gaia_uwb.joint_fit import JointFit, hear
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.sides import resolve_sides
 
@@ -16,6 +18,10 @@ def moved_cones(k, by_m=(1.5, 0.0)):
     cones_m = CONES_M.copy()
     cones_m[k] += by_m
     return cones_m
+
+
+def with_solver(**changes):
+    return PURE.model_copy(update={"solver": PURE.solver.model_copy(update=changes)})
 
 
 def test_a_pass_without_an_anchor_adds_nothing_to_it():
@@ -109,3 +115,55 @@ def test_errors_larger_than_each_pass_thinks_widen_the_ellipses():
     growth = np.linalg.det(other.hypotheses.covariance_m2[:, 0]) ** 0.25
     growth /= np.linalg.det(one.hypotheses.covariance_m2[:, 0]) ** 0.25
     assert growth.min() > 1.2
+
+
+@pytest.mark.parametrize(("by_m", "is_moved"), [(1.2, False), (1.9, False), (2.8, True)])
+def test_only_what_chance_hardly_ever_does_is_called_moved(by_m, is_moved):
+    # Least squares put the anchor in the middle, and the floor is all that the places err by.
+    config = with_solver(kind="wls", position_floor_m=0.3)
+    passes = [
+        located(make_pass(0.0, moved_cones(2, (east_m, 0.0)), seed=k, sigma_m=0.02), config)
+        for k, east_m in enumerate((0.0, by_m))
+    ]
+    together = fuse(passes, config)
+    assert [apart.anchor_id for apart in together.disagreements] == (["c"] if is_moved else [])
+    # Of a million anchors that stand still, at most one is called moved.
+    by_chance = chi2.sf(by_m**2 / (2.0 * 0.3**2), df=2)
+    assert (by_chance < 1e-6) == is_moved
+
+
+def test_passes_that_agree_by_luck_are_no_surer_than_their_ranges_are():
+    # Six times the same noise: the places scatter less than their errors allow for.
+    lanes = (0.0, 3.6, -2.0) * 2
+    passes = [located(make_pass(lane, name=f"pass {k}")) for k, lane in enumerate(lanes)]
+    together = fuse(passes, PURE)
+    assert together.error_scale == 1.0
+    for k, anchor_id in enumerate(IDS):
+        ranges = JointFit([hear(each, anchor_id, PURE) for each in passes], PURE).best_two()
+        more_m2 = together.hypotheses.covariance_m2[k] - ranges.covariance_m2
+        assert np.linalg.eigvalsh(more_m2).min() > -1e-12
+        assert together.hypotheses.log_odds[k] <= ranges.log_odds * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize("floor_m", [0.1, 0.3])
+def test_no_number_of_passes_makes_a_place_surer_than_the_floor(floor_m):
+    config = with_solver(position_floor_m=floor_m)
+    passes = [located(make_pass(0.7 * k, seed=k), config) for k in range(6)]
+    sigma_m = np.sqrt(np.linalg.eigvalsh(fuse(passes, config).hypotheses.covariance_m2))
+    assert sigma_m.min() > floor_m
+    assert sigma_m[:, 0].max() < 1.1 * floor_m  # all the rest is averaged away
+
+
+def test_a_short_look_from_one_direction_does_not_disagree():
+    # Ten ranges give a place on an arc that is far longer than its linear covariance is.
+    config = with_solver(position_floor_m=0.01)
+    for seed in range(4):
+        short = make_pass(3.6, seed=100 + seed)
+        valid = short.valid.copy()
+        valid[10:] = False
+        short = replace(short, valid=valid, range_m=np.where(valid, short.range_m, np.nan))
+        passes = [located(each, config) for each in (make_pass(0.0, seed=seed), short)]
+        together = fuse(passes, config)
+        assert together.disagreements == ()
+        assert together.error_scale < 2.5
+        assert place_error_m(together.hypotheses).max() < 0.2

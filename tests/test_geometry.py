@@ -158,6 +158,14 @@ class TestIou:
         assert polygon_iou(points, points) == pytest.approx(1.0, abs=1e-12)
         assert polygon_iou(points, points + EAST / 10.0) < 1.0
 
+    def test_is_never_above_one(self) -> None:
+        # Shifted there and back a polygon is itself up to rounding.
+        rng = np.random.default_rng(0)
+        for _ in range(200):
+            points = moved(rng.uniform(-10.0, 10.0, (6, 2)), rng.uniform(-3.0, 3.0), np.zeros(2))
+            again = (points - points.mean(axis=0)) + points.mean(axis=0)
+            assert 1.0 - 1e-12 < polygon_iou(points, again) <= 1.0
+
     @pytest.mark.parametrize("degenerate", [SQUARE[:0], SQUARE[:1], SQUARE[:2], NOWHERE])
     def test_is_zero_without_area(self, degenerate: np.ndarray) -> None:
         assert polygon_iou(degenerate, SQUARE) == 0.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drives_past import CONES_M, PURE, located, make_pass, place_error_m
+from drives_past import CONES_M, IDS, PURE, located, make_pass, place_error_m
 from gaia_uwb.config import CalibrationConfig, SolverConfig
 from gaia_uwb.fusion import fuse
 from gaia_uwb.joint_fit import JointFit, hear
@@ -87,6 +87,27 @@ def test_a_bias_that_only_the_prior_knows_is_common_to_all_passes():
 
     assert sigma_m(8, 0.05) < 0.65 * sigma_m(2, 0.05)
     assert sigma_m(8, 0.1999) > 0.9 * sigma_m(2, 0.1999)
+
+
+@pytest.mark.parametrize("what", ["bias_sigma_m", "clock_sigma_s"])
+def test_what_an_anchors_own_ranges_told_of_bias_and_clock_counts_once(what):
+    """Alone, an anchor has only priors beside its ranges, however sure the calibration was."""
+    config = PURE.model_copy(
+        update={"calibration": CalibrationConfig(bias_sigma_m=0.2, bias_slope_sigma_m=0.0)}
+    )
+    far_m = np.array([[50.0, 20.0]])
+
+    def sigma_m(others_m, sigma):
+        cones_m = np.concatenate([far_m, others_m])
+        ids = IDS[: len(cones_m)]
+        episodes = [make_pass(lane, cones_m, ids, **{what: sigma}) for lane in (0.0, 3.6)]
+        covariance_m2 = fused(episodes, config).covariance_m2[0, 0]
+        return np.sqrt(np.linalg.eigvalsh(covariance_m2)[1])
+
+    nobody_m = np.zeros((0, 2))
+    sure, unsure = (sigma_m(nobody_m, sigma) for sigma in (0.02, 0.19))
+    assert sure == pytest.approx(unsure, rel=0.02)
+    assert sigma_m(CONES_M[:3], 0.02) < 0.6 * sure  # what others told does count
 
 
 def test_a_pass_whose_clock_is_unknown_hardly_counts_along_the_road():

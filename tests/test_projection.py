@@ -42,6 +42,17 @@ def test_the_way_back_without_heights_is_exact_too(frame: LocalFrame, seed: int)
     assert np.abs(to_local(frame, lat_deg, lon_deg)[0] - position_m).max() < 1e-6
 
 
+def test_the_way_back_without_heights_stays_exact_far_away() -> None:
+    """At 100 km the Earth has fallen away from the plane by 784 m, which is known to the mm."""
+    angle_rad = np.linspace(0.0, 2.0 * np.pi, 12)
+    position_m = 1e5 * np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=1)
+    lat_deg, lon_deg, alt_m = to_geodetic(SITE, position_m)
+    assert np.abs(alt_m - SITE.alt_m).max() < 1e-3
+    back_m, up_m = to_local(SITE, lat_deg, lon_deg)
+    assert np.abs(back_m - position_m).max() < 1e-3
+    assert up_m == pytest.approx(-(1e5**2) / (2 * 6.37e6), rel=0.01)
+
+
 @pytest.mark.parametrize("azimuth_deg", [0.0, 37.0, 90.0, 200.0, 355.0])
 def test_agrees_with_the_geodesic(azimuth_deg: float) -> None:
     """On the ellipsoid, 100 m along a geodesic are 100 m in the plane, in its direction."""

@@ -35,6 +35,15 @@ def test_bursts_of_both_signs_near_each_other(first: int) -> None:
     assert np.array_equal(gated, np.abs(residual_m) > 1.0)
 
 
+@pytest.mark.parametrize("size_m", [-0.6, 0.8, -1.0])
+def test_a_small_burst_does_not_hide_behind_a_long_large_one(size_m: float) -> None:
+    residual_m = NOISE_M.copy()
+    residual_m[50:59] += 30.0  # so many that they widen what their neighbours look like
+    residual_m[60:62] += size_m
+    gated = np.flatnonzero(~gate_spikes(T_S, residual_m))
+    assert gated.tolist() == [*range(50, 59), 60, 61]
+
+
 def test_noise_is_kept() -> None:
     t_s = np.arange(20_000) * 0.1
     residual_m = 0.08 * np.random.default_rng(1).standard_normal(len(t_s))

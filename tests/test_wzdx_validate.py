@@ -196,6 +196,37 @@ def test_what_only_looks_wrong_is_a_warning(path: str, value: object, said: str)
     assert any(said in line for line in warnings(feed))
 
 
+@pytest.mark.parametrize(("off_deg", "warned"), [(0, False), (100, False), (150, True)])
+@pytest.mark.parametrize("sense", [-1, 1])
+@pytest.mark.parametrize("direction", ["northbound", "eastbound", "southbound", "westbound"])
+def test_a_line_that_runs_back_is_noticed_before_it_is_quite_opposite(
+    direction: str, sense: int, off_deg: int, warned: bool
+) -> None:
+    # A road that is signed as one that leads east may lead south here, and a little back.
+    signed_deg = 90.0 * ["northbound", "eastbound", "southbound", "westbound"].index(direction)
+    runs_rad = np.radians(signed_deg + sense * off_deg)
+    lon, lat = OHIO.lon_deg, OHIO.lat_deg
+    east_deg = 1e-3 * np.sin(runs_rad) / np.cos(np.radians(lat))
+    line = [[lon, lat], [lon + east_deg, lat + 1e-3 * np.cos(runs_rad)]]
+    feed = put(written("event"), "bbox", ...)
+    feed = put(feed, "features/0/geometry/coordinates", line)
+    feed = put(feed, E0 + "core_details/direction", direction)
+    assert any("from upstream to downstream" in line for line in warnings(feed)) == warned
+
+
+@pytest.mark.parametrize(
+    ("lon", "inside"), [(179.5, True), (-179.5, True), (179.0, True), (178.0, False), (0.0, False),
+                        (-178.0, False), (-82.0, False)],
+)  # fmt: skip
+def test_a_box_across_the_180th_meridian_holds_only_what_lies_in_it(
+    lon: float, inside: bool
+) -> None:
+    feed = put(written("event"), "bbox", [179.0, 39.0, -179.0, 41.0])
+    feed = put(feed, "features/0/geometry/coordinates", [[lon, 40.0], [lon, 40.001]])
+    outside = [line for line in errors(feed) if "is outside the feed's bbox" in line]
+    assert (outside == []) == inside
+
+
 def test_a_line_is_short_whatever_a_feed_holds() -> None:
     feed = written("event")
     for path in ("bbox", "feed_info/version", "features/0/geometry/coordinates", "features/0/id"):

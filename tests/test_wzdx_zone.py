@@ -24,6 +24,22 @@ def test_a_drive_across_the_zone_is_a_doubt() -> None:
     assert "their order along the road is not known" in zone.doubts[0]
 
 
+@pytest.mark.parametrize(
+    ("slant_deg", "along"), [(0.0, True), (45.0, True), (65.0, False), (80.0, False)]
+)
+def test_a_drive_must_lead_along_the_zone_and_not_past_its_side(
+    slant_deg: float, along: bool
+) -> None:
+    """Past a row of cones at an angle, they are passed within its cosine of the row's length."""
+    slant_rad = np.radians(slant_deg)
+    row_m = 10.0 * np.array([np.cos(slant_rad), np.sin(slant_rad)])
+    cones = [make_fix(name, k * row_m) for k, name in enumerate("abcd")]
+    zone = zone_of(zone_pass([[-30.0, -3.0], [60.0, -3.0]], cones))
+    assert zone.along_m[-1] == pytest.approx(30.0 * np.cos(slant_rad))
+    assert zone.reliable == along
+    assert bool(zone.reasons) != along
+
+
 def test_results_read_back_give_the_same_zone(tmp_path: Path) -> None:
     result = make_reconstruction(changed={1: make_unlocated("cone-1")})
     (tmp_path / "report.json").write_text(json.dumps(make_report(result)))
