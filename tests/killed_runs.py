@@ -1,15 +1,18 @@
-"""Kill a command while it writes, and look at what it leaves."""
+"""Kill a command or a training in the middle of its work, and look at what it leaves."""
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +37,63 @@ def hidden_in(folder: Path) -> list[str]:
 
 def is_hidden(name: str) -> bool:
     return any(part.startswith(".") for part in Path(name).parts)
+
+
+def kill_training(train: Callable[..., object], after: int) -> None:
+    """Train in another process and kill that in the middle of an epoch or portion.
+
+    Parameters
+    ----------
+    train
+        Trains and takes ``progress``; the other process gets it pickled.
+    after
+        How many epochs or portions are whole by then.
+
+    Raises
+    ------
+    EOFError
+        If the training ended before.
+    """
+    import torch
+
+    context = multiprocessing.get_context("spawn")
+    there, tell = context.Pipe(duplex=False)
+    arguments = (train, after, tell, torch.get_num_threads())
+    process = context.Process(target=_train_and_wait, args=arguments)
+    process.start()
+    tell.close()  # the other process has its own end; the pipe breaks if that process ends
+    try:
+        there.recv()
+    finally:
+        process.kill()
+        process.join()
+        there.close()
+    assert process.exitcode == -signal.SIGKILL
+
+
+def _train_and_wait(
+    train: Callable[..., object], after: int, tell: Connection, n_threads: int
+) -> None:
+    """Train up to the first step after so many whole epochs, tell so, and go no further."""
+    import torch
+    from torch.optim.optimizer import register_optimizer_step_post_hook
+
+    torch.set_num_threads(n_threads)
+    begun = 0
+
+    def counted(rounds: Iterable[int], *_: object) -> Iterator[int]:
+        nonlocal begun
+        for one in rounds:
+            begun += 1
+            yield one
+
+    def stop_midway(*_: object) -> None:
+        if begun > after:
+            tell.send("midway")
+            threading.Event().wait()
+
+    register_optimizer_step_post_hook(stop_midway)
+    train(progress=counted)
 
 
 class KilledRuns:
