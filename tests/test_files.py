@@ -189,7 +189,7 @@ def test_what_may_have_an_owner_stays_for_a_day(tmp_path: Path) -> None:
 def test_a_killed_command_leaves_whole_files_and_the_next_tidies_up(
     tmp_path: Path, command: str
 ) -> None:
-    # benchmarks/killed_commands.py does this a hundred times.
+    # tests/endurance/killed_commands.py does this a hundred times.
     config = tmp_path / "feed.yaml"
     config.write_text(TEXT, encoding="utf-8")
     results, old = tmp_path / "results", tmp_path / "old"

@@ -9,24 +9,15 @@ import pytest
 
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.wzdx import load_feed_config, make_feed_config
-from wzdx_cases import CONFIG, CWZ
-
-TEXT = """
-publisher: Test DOT
-data_source: {organization_name: Test DOT}
-road_names: [I-80]
-direction: westbound
-start_date: 2026-11-22T09:00:00Z
-end_date: 2026-11-22T19:00:00+02:00
-"""
+from wzdx_cases import CONFIG, CWZ, FEED_YAML
 
 
 def test_yaml_dates_and_texts_are_the_same(tmp_path: Path) -> None:
     path = tmp_path / "feed.yaml"
-    path.write_text(TEXT)
+    path.write_text(FEED_YAML)
     config = load_feed_config(path)
     assert config.end_date == datetime(2026, 11, 22, 17, tzinfo=UTC)
-    path.write_text(TEXT.replace("2026-11-22T09:00:00Z", '"2026-11-22T09:00:00Z"'))
+    path.write_text(FEED_YAML.replace("2026-11-22T09:00:00Z", '"2026-11-22T09:00:00Z"'))
     assert load_feed_config(path) == config
     cwz = load_feed_config(path, CWZ)
     assert (cwz.profile, cwz.update_frequency_s) == ("cwz-1.0", 300)

@@ -31,6 +31,14 @@ CONFIG: dict[str, Any] = {
     "start_date": "2026-11-22T09:00:00Z",
     "end_date": "2026-11-22T17:00:00Z",
 }
+FEED_YAML = """
+publisher: Test DOT
+data_source: {organization_name: Test DOT}
+road_names: [I-80]
+direction: westbound
+start_date: 2026-11-22T09:00:00Z
+end_date: 2026-11-22T19:00:00+02:00
+"""
 CWZ: dict[str, Any] = {
     "profile": "cwz-1.0",
     "license": "CC0-1.0",

@@ -1,6 +1,6 @@
 """Damaged inputs: one clear line or what they hold, never another exception.
 
-GAIA_FUZZ sets how many; ``benchmarks/damaged_inputs.py`` does it by the ten thousand.
+GAIA_FUZZ sets how many; ``tests/endurance/damaged_inputs.py`` does it by the ten thousand.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Kill commands that write files at random moments: every file is a whole one.
 
-Usage: nice python benchmarks/killed_commands.py [--n 100]
+Usage: nice python tests/endurance/killed_commands.py [--n 100]
 
 The commands are ``gaia reconstruct``, ``gaia wzdx write``, ``gaia simulate`` and, where
 GAIA_DATA_DIR names a folder with the outdoor data set to fetch from, ``gaia data fetch``. Each run
@@ -21,20 +21,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-FEED = """
-publisher: Test DOT
-data_source: {organization_name: Test DOT}
-road_names: [I-80]
-direction: northbound
-start_date: 2026-11-22T09:00:00Z
-end_date: 2026-11-22T17:00:00Z
-"""
-
 
 def commands(folder: Path) -> dict[str, tuple[Any, list[object]]]:
     """Return command -> (its arguments for an output folder, those of the run before it)."""
     config = folder / "feed.yaml"
-    config.write_text(FEED, encoding="utf-8")
+    config.write_text(import_module("wzdx_cases").FEED_YAML, encoding="utf-8")
     date = ["--update-date", "2026-11-22T10:00:00Z"]
     feed = ["wzdx", "write", folder / "results", "--config", config]
     log = ["reconstruct", "sim:lane-closure/3"]
@@ -77,7 +68,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--n", type=int, default=100)
     n = parser.parse_args().n
-    sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+    sys.path.insert(0, str(Path(__file__).parents[1]))
     helper = import_module("killed_runs")
     import numpy as np
 

@@ -1,7 +1,9 @@
 """Damaged inputs by the ten thousand: read, or refused in one line, in bounded time and memory.
 
-Usage: nice python benchmarks/damaged_inputs.py [--n 10000] [--reader NAME ...]
-       python benchmarks/damaged_inputs.py --reader mcap --case 4711   (one, with its traceback)
+Usage: nice python tests/endurance/damaged_inputs.py [--n 10000] [--reader NAME ...]
+       python tests/endurance/damaged_inputs.py --reader mcap --case 4711
+
+The second looks at one case, and shows its traceback.
 
 Every case damages a fresh copy of a good input (``tests/datasets/damage.py``) and then does what
 the command does that takes it (``tests/datasets/readers.py``: ``gaia data check`` for a log); every
@@ -12,7 +14,7 @@ library's stack trace), the text is not one printable line, the process dies, or
 cases. Needs the extras ros and feeds.
 
 One process works at a time. After each reader its row is printed and written to
-``benchmarks/out/damaged_inputs.json``, where the rows of other readers stay as they are: go on
+``tests/endurance/out/damaged_inputs.json``, where the rows of other readers stay as they are: go on
 after an interruption with ``--reader`` and the names that are left.
 """
 
@@ -98,7 +100,7 @@ class Cases:
 
 def load_readers() -> dict[str, Any]:
     """Return the readers, by name."""
-    folder = str(Path(__file__).parents[1] / "tests" / "datasets")
+    folder = str(Path(__file__).parents[1] / "datasets")
     if folder not in sys.path:
         sys.path.insert(0, folder)
     readers: dict[str, Any] = import_module("readers").READERS
