@@ -32,9 +32,8 @@ docs-outputs: $(INSTALLED)  ## run the pages' blocks and write their outputs ane
 	$(BIN)/python tools/page_blocks.py --update $$(grep -rl '<!-- output -->' docs)
 
 benchmark: $(INSTALLED)  ## speed and memory, side by side with SciPy
-	$(BIN)/python benchmarks/solver_speed.py
-	$(BIN)/python benchmarks/solver_scaling.py
-	$(BIN)/python benchmarks/command_time.py
+	$(BIN)/python benchmarks/speed/solver.py
+	$(BIN)/python benchmarks/speed/command_time.py
 
 # The stamp is newer than everything that the installation depends on, the compiled part included.
 $(INSTALLED): pyproject.toml setup.py constraints.txt src/gaia_uwb/_solver.c src/gaia_uwb/_tour.c

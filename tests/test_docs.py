@@ -217,6 +217,34 @@ def test_the_generated_pages_know_commands_and_settings(site: Path) -> None:
         assert f"<code>{name}</code>" in settings
 
 
+SCRIPT = re.compile(r"\b(?:benchmarks|tests/endurance|tools)/[\w/]*\.py\b")
+
+
+def test_scripts_that_are_named_are_there() -> None:
+    names = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "Makefile", "benchmarks/README.md")
+    folders = (("docs", "*.md"), ("src", "*.py"), ("tests", "*.py"), ("benchmarks", "*.py"))
+    files = [ROOT / name for name in names]
+    files += [path for folder, kind in folders for path in (ROOT / folder).rglob(kind)]
+    named = {
+        (str(path.relative_to(ROOT)), script)
+        for path in files
+        for script in SCRIPT.findall(path.read_text(encoding="utf-8"))
+    }
+    assert len(named) > 20
+    assert [pair for pair in sorted(named) if not (ROOT / pair[1]).is_file()] == []
+
+
+def test_the_benchmarks_table_has_every_script() -> None:
+    page = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8")
+    scripts = set(re.findall(r"^\| `(.*?\.py)` \|", page, re.MULTILINE))
+    folders = (ROOT / "benchmarks", ROOT / "tests")
+    found = {
+        *(path.relative_to(folders[0]) for path in folders[0].rglob("*.py")),
+        *(path.relative_to(ROOT) for path in (folders[1] / "endurance").glob("*.py")),
+    }
+    assert scripts == {str(path) for path in found if not path.name.startswith("_")}
+
+
 def test_every_page_has_its_place_in_the_navigation() -> None:
     def leaves(node: object) -> list[str]:
         if isinstance(node, str):

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gaia_uwb.source_check import check_source
 
 from gaia_uwb.api import load_scenes, read
 from gaia_uwb.datasets.native import write_native
 from gaia_uwb.errors import InputError, SourceError
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
+from gaia_uwb.source_check import check_source
 
 
 def make_scene(name: str) -> Scene:

@@ -59,8 +59,8 @@ class Levels:
     and vehicles delay ranges in ways that a log does not show. So they were chosen on simulated
     passes of the preset ``wild``, its training layouts only, and on nothing that a test uses::
 
-        python benchmarks/boundary_coverage.py --calibrate --denoiser pose-kalman
-        python benchmarks/boundary_coverage.py --calibrate --denoiser gaia-set
+        python benchmarks/quality/boundary_coverage.py --calibrate --denoiser pose-kalman
+        python benchmarks/quality/boundary_coverage.py --calibrate --denoiser gaia-set
 
     The first gave the defaults, the second what :meth:`of` returns of what was learned.
 

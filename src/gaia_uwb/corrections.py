@@ -15,7 +15,7 @@ from gaia_uwb._typing import Array, Bool, Float64
 from gaia_uwb.episode import Episode
 
 _LEAST_RANGES = 6  # an anchor with fewer in a window has no median to speak of
-_PLAUSIBLE_SHARE, _PLAUSIBLE_TIMES = 0.98, 1.25  # chosen by benchmarks/mistaken_layouts.py
+_PLAUSIBLE_SHARE, _PLAUSIBLE_TIMES = 0.98, 1.25  # chosen by benchmarks/quality/mistaken_layouts.py
 
 
 def largest_median_correction_m(

@@ -15,7 +15,6 @@ from functools import cache, partial
 from pathlib import Path
 
 import yaml
-from gaia_uwb.source_check import check_source
 from good_logs import LOGS, write_own
 from outdoor_files import ROW, SUMMARY, write_run, write_static
 
@@ -36,6 +35,7 @@ from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.report import make_report
 from gaia_uwb.scene import Scene
 from gaia_uwb.simulate import PRESETS, find_preset, simulate_episodes, simulate_pass
+from gaia_uwb.source_check import check_source
 from gaia_uwb.wzdx import make_feed_config, make_feeds, write_feeds, zone_of
 
 SCHEMAS = Path(__file__).parents[3] / "shared" / "schemas"

@@ -19,13 +19,13 @@ import polars as pl
 import pytest
 from backports import zstd
 from damage import damage_log
-from gaia_uwb.source_check import check_source
 from good_logs import write_serial, write_tables
 from readers import READERS, Reader
 
 from gaia_uwb.datasets._bag_files import unpack
 from gaia_uwb.datasets.ros import RosLog
 from gaia_uwb.errors import GaiaError
+from gaia_uwb.source_check import check_source
 
 N = int(os.environ.get("GAIA_FUZZ", "30"))
 LIMIT_S = 5.0

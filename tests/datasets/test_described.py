@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import yaml
 from bags import FORMATS, write_drive
-from gaia_uwb.source_check import check_source
 
 from gaia_uwb.api import load_scenes
 from gaia_uwb.datasets.described import is_described, read_described
 from gaia_uwb.errors import ConfigError, InputError
+from gaia_uwb.source_check import check_source
 
 CSV = {
     "trajectory": {

@@ -5,8 +5,8 @@ outer region, and how often an anchor's 90 % ellipse, or one of the two ellipses
 side is open, holds its true place. With --calibrate it prints, for simulated training layouts only,
 the coverage at several levels, and the levels between them that `Levels` holds.
 
-Usage: python benchmarks/boundary_coverage.py [--data-dir FOLDER] [--episodes N] [--calibrate]
-       [--denoiser NAME] (or GAIA_DATA_DIR)
+Usage: python benchmarks/quality/boundary_coverage.py [--data-dir FOLDER] [--episodes N]
+       [--calibrate] [--denoiser NAME] (or GAIA_DATA_DIR)
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+from _tally import in_ellipse_90, table_head, table_row
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.api import load_scenes
 from gaia_uwb.boundary_uncertainty import PROBABILITY, Levels, Region, boundary_uncertainty
@@ -34,7 +35,6 @@ from gaia_uwb.scene_samples import Scenes, sample_scenes
 TESTS = ("sim:wild-test/1/{n}", "sim:lane-closure/500/100")
 TRAINING = "sim:wild-training/7/{n}"
 WINDOW = 64
-CHI2_90 = 2.0 * np.log(10.0)
 SIDE_OPEN = SidesConfig().ambiguous_above  # then the second ellipse counts
 TOLERANCE_M = 1e-3
 INNER = (0.90, 0.95, 0.97, 0.98, 0.985, 0.99, 0.995)
@@ -138,19 +138,11 @@ def ellipses(case: Case) -> list[tuple[bool, bool]]:
     turn = np.eye(2) if case.frame is None else rotation_matrix(case.frame.rotation_rad)
     held = []
     for fix, true_m in zip(fixes, case.true_m, strict=True):
-        near = [
-            _misfit(true_m - case.moved(place_m), turn @ covariance_m2 @ turn.T) <= CHI2_90
-            for place_m, covariance_m2 in (
-                (fix.position_m, fix.covariance_m2),
-                (fix.mirror_position_m, fix.mirror_covariance_m2),
-            )
-        ]
-        held.append((near[0], near[0] or (near[1] and fix.mirror_probability > SIDE_OPEN)))
+        places_m = np.stack([fix.position_m, fix.mirror_position_m])
+        covariance_m2 = turn @ np.stack([fix.covariance_m2, fix.mirror_covariance_m2]) @ turn.T
+        own, mirror = in_ellipse_90(true_m - case.moved(places_m), covariance_m2).tolist()
+        held.append((own, own or (mirror and fix.mirror_probability > SIDE_OPEN)))
     return held
-
-
-def _misfit(off_m: Float64[Array, "2"], covariance_m2: Float64[Array, "2 2"]) -> float:
-    return float(off_m @ np.linalg.solve(covariance_m2, off_m))
 
 
 def row(name: str, cases: Sequence[Case]) -> str:
@@ -160,20 +152,28 @@ def row(name: str, cases: Sequence[Case]) -> str:
     inner, outer = (np.mean([getattr(v, side) for v in verdicts]) for side in ("inner", "outer"))
     share = [np.median([getattr(v, f"{side}_share") for v in verdicts]) for side in _SIDES]
     empty = np.mean([v.empty for v in verdicts])
-    return (
-        f"| {name} | {len(cases)} | {100 * inner:.1f} % | {100 * outer:.1f} % | "
-        f"{100 * empty:.0f} % | {share[0]:.2f} | {share[1]:.2f} | {len(held)} | "
-        f"{100 * held[:, 0].mean():.1f} % | {100 * held[:, 1].mean():.1f} % |"
+    ellipse, either = (f"{100 * share:.1f} %" for share in held.mean(axis=0))
+    return table_row(
+        [
+            name,
+            len(cases),
+            f"{100 * inner:.1f} %",
+            f"{100 * outer:.1f} %",
+            f"{100 * empty:.0f} %",
+            f"{share[0]:.2f}",
+            f"{share[1]:.2f}",
+            len(held),
+            ellipse,
+            either,
+        ]
     )
 
 
 _SIDES = ("inner", "outer")
-HEAD = (
-    "| data | zones | inner within true zone | true zone within outer | inner empty | "
-    "inner area / true | outer area / true | anchors | 90 % ellipse | one of two ellipses |\n"
-    + "|---" * 10
-    + "|"
-)
+COLUMNS = (
+    "data", "zones", "inner within true zone", "true zone within outer", "inner empty",
+    "inner area / true", "outer area / true", "anchors", "90 % ellipse", "one of two ellipses",
+)  # fmt: skip
 
 
 def calibrate(n: int, config: PipelineConfig) -> None:
@@ -205,7 +205,7 @@ def main() -> None:
         calibrate(given.episodes, config)
         return
     start = time.perf_counter()
-    print(HEAD)
+    print(table_head(COLUMNS))
     for test in TESTS:
         name = test.format(n=given.episodes)
         episodes = [prepare(scene) for scene in load_scenes(name)]

@@ -1,7 +1,7 @@
 """Which limit tells a mistaken layout best: a comparison on validation windows.
 
     gaia reproduce all --out OUT
-    python benchmarks/mistaken_layouts.py OUT/models
+    python benchmarks/quality/mistaken_layouts.py OUT/models
 
 A window that GAIA corrects farther than the limit gets a running median. The limit is a multiple of
 a quantile of what the training windows need (``corrections.py``). Each model is looked at on its

@@ -1,7 +1,6 @@
 """Size and first paint of the map page of a 5-minute run, in a headless Chromium without a network.
 
-Usage: python benchmarks/map_page.py   (needs chromium; budgets: 2 MB and 1 s)
-       python benchmarks/map_page.py --pictures docs/images   (the pictures of the documentation)
+    python benchmarks/speed/map_page.py [--rounds 5]   (needs chromium; budgets: 2 MB and 1 s)
 
 Where folium is installed, its map of the same cones and path stands beside it: what one would take
 otherwise. It loads its parts from other hosts, so offline its page counts what it could not load.
@@ -9,10 +8,7 @@ otherwise. It loads its parts from other hosts, so offline its page counts what 
 
 from __future__ import annotations
 
-import argparse
-import json
 import statistics
-import sys
 import tempfile
 import time
 from importlib import import_module
@@ -20,6 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from _measure import make_parser, tests_module, write_json
 from gaia_uwb.geojson import boundary_geojson
 from gaia_uwb.map_page import map_page
 from gaia_uwb.pipeline import reconstruct
@@ -27,7 +24,6 @@ from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.report import make_report
 from gaia_uwb.simulate import PRESETS, simulate_pass
 
-RUNS = 5
 BUDGET_MB, BUDGET_S = 2.0, 1.0
 PAINT = """(async () => {
   const find = () => performance.getEntriesByName("first-contentful-paint")[0];
@@ -58,12 +54,11 @@ def folium_page(reconstruction: Reconstruction, path: Path) -> None:
     shown.save(str(path))
 
 
-def look(page: Path) -> dict[str, float | int | None]:
+def look(page: Path, rounds: int) -> dict[str, float | int | None]:
     """Open a page in browsers without a past, and return what it took."""
-    sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-    tools = import_module("browser")
+    tools = tests_module("browser")
     paints, loads, refused = [], [], 0
-    for _ in range(RUNS):
+    for _ in range(rounds):
         with tempfile.TemporaryDirectory() as profile, tools.browser(Path(profile)) as driver:
             driver.resize(1400, 860)
             driver.open(page)
@@ -81,36 +76,11 @@ def look(page: Path) -> dict[str, float | int | None]:
     }
 
 
-def draw(folder: Path) -> None:
-    """Take the documentation's pictures of the page."""
-    sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-    tools = import_module("browser")
-    with tempfile.TemporaryDirectory() as place, tools.browser(Path(place) / "profile") as driver:
-        for preset, size, touch, script in (
-            ("lane-closure", (1280, 760), False, "showMoment(225); select('cone-5'); showZone()"),
-            ("straight", (360, 740), True, "select(null)"),
-        ):
-            reconstruction = reconstruct(simulate_pass(PRESETS[preset], seed=0))
-            features = boundary_geojson(reconstruction, local=True)
-            page = Path(place) / f"{preset}.html"
-            text = map_page(reconstruction, features, make_report(reconstruction))
-            page.write_text(text, encoding="utf-8")
-            driver.prefer("light")
-            driver.resize(*size, touch=touch)
-            driver.open(page)
-            driver.evaluate(script)
-            driver.settle()
-            (folder / f"map-{preset}.png").write_bytes(driver.screenshot())
-
-
 def main() -> None:
-    """Measure and write the result to benchmarks/out/."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--pictures", type=Path, help="write pictures into this folder instead")
-    pictures = parser.parse_args().pictures
-    if pictures is not None:
-        draw(pictures)
-        return
+    """Measure and print."""
+    parser = make_parser(__doc__, __file__)
+    parser.add_argument("--rounds", type=int, default=5)
+    given = parser.parse_args()
     rows: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as place:
         for n_anchors in (4, 10, 50):
@@ -123,26 +93,23 @@ def main() -> None:
             page = Path(place) / f"map-{n_anchors}.html"
             page.write_text(text, encoding="utf-8")
             name = f"map page, {n_anchors} anchors, {reconstruction.episode.valid.sum()} ranges"
-            rows[name] = {**look(page), "made_s": made_s}
+            rows[name] = {**look(page, given.rounds), "made_s": made_s}
         if find_spec("folium"):
             page = Path(place) / "folium.html"
             folium_page(five_minutes(10), page)
-            rows["folium, 10 anchors, no ranges"] = look(page)
+            rows["folium, 10 anchors, no ranges"] = look(page, given.rounds)
         else:
             print("left out, not installed: folium")
     for name, row in rows.items():
         paint = row["first_paint_median_s"]
-        shown = (
-            "nothing painted" if paint is None else f"first paint {paint:.2f} s (median of {RUNS})"
-        )
+        median = f"median of {given.rounds}"
+        shown = "nothing painted" if paint is None else f"first paint {paint:.2f} s ({median})"
         print(
             f"{name:42} {row['mb']:.2f} MB, {shown}, loaded {row['loaded_median_s']:.2f} s, "
             f"{row['not_loaded']} files of other hosts missing"
         )
     print(f"budgets: {BUDGET_MB} MB, first paint {BUDGET_S} s")
-    folder = Path(__file__).with_name("out")
-    folder.mkdir(exist_ok=True)
-    (folder / "map_page.json").write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+    write_json(rows, given.out)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Time the simulator: episodes of 64 steps x 12 anchors, with one process and with two.
 
-Run ``python benchmarks/simulator_speed.py``; a table is printed and kept in ``benchmarks/out/``.
+    python benchmarks/speed/simulator.py [--episodes 10000] [--written 2000 8000 32000]
+
 The rates are those of a wall clock, so nothing else should run; the processor time per episode of
 all processes together says what a busy machine hides. "From the start" counts the start of the
 processes, too. The memory is that of ``gaia simulate --as episodes`` with two workers, as the
@@ -9,7 +10,6 @@ largest that its processes ever held, for more and more episodes.
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -19,12 +19,11 @@ from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
+from _measure import make_parser, write_json
 from gaia_uwb.datasets.episodes import read_episodes
 from gaia_uwb.simulate import PRESETS, PassConfig, simulate_episodes
 
-OUT = Path(__file__).parent / "out"
-EPISODES, WARM_UP = 10_000, 1000
-WRITTEN = (2000, 8000, 32_000)
+WARM_UP = 0.1  # of the episodes
 
 
 def with_12_anchors(name: str) -> PassConfig:
@@ -35,11 +34,11 @@ def with_12_anchors(name: str) -> PassConfig:
     return preset.model_copy(update={"closure": closure, "vary": vary})
 
 
-def measure_rate(name: str, workers: int) -> Iterator[tuple[str, float]]:
+def measure_rate(name: str, workers: int, n: int) -> Iterator[tuple[str, float]]:
     """Return episodes a second, sustained and from the start, and processor time per episode."""
     start, processor_s = time.perf_counter(), sum(os.times()[:4])
-    episodes = simulate_episodes(with_12_anchors(name), EPISODES, 0, workers=workers)
-    for _ in islice(episodes, WARM_UP):
+    episodes = simulate_episodes(with_12_anchors(name), n, 0, workers=workers)
+    for _ in islice(episodes, int(WARM_UP * n)):
         pass
     warm = time.perf_counter()
     count = sum(1 for _ in episodes)
@@ -47,8 +46,8 @@ def measure_rate(name: str, workers: int) -> Iterator[tuple[str, float]]:
     processor_s = sum(os.times()[:4]) - processor_s
     what = f"{name}, {workers} worker{'s' if workers > 1 else ''}"
     yield f"{what}: episodes/s", count / (end - warm)
-    yield f"{what}: episodes/s from the start", EPISODES / (end - start)
-    yield f"{what}: ms of processor time per episode", 1e3 * processor_s / EPISODES
+    yield f"{what}: episodes/s from the start", n / (end - start)
+    yield f"{what}: ms of processor time per episode", 1e3 * processor_s / n
 
 
 def measure_writing(n: int) -> Iterator[tuple[str, float]]:
@@ -96,17 +95,20 @@ def peak_mb(pid: int) -> float:
 
 def main() -> None:
     """Run the benchmark."""
+    parser = make_parser(__doc__, __file__)
+    parser.add_argument("--episodes", type=int, default=10_000, help="of which the rate is taken")
+    parser.add_argument("--written", type=int, nargs="+", default=[2000, 8000, 32_000])
+    given = parser.parse_args()
     result: dict[str, float] = {"load before": os.getloadavg()[0]}
     for name in ("stress", "wild"):
         for workers in (1, 2):
-            result |= measure_rate(name, workers)
-    for n in WRITTEN:
+            result |= measure_rate(name, workers, given.episodes)
+    for n in given.written:
         result |= measure_writing(n)
     result["load at the end"] = os.getloadavg()[0]
     for what, value in result.items():
         print(f"{what:<60}{value:>10.2f}")
-    OUT.mkdir(exist_ok=True)
-    (OUT / "simulator_speed.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    write_json(result, given.out)
 
 
 if __name__ == "__main__":

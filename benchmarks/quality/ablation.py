@@ -1,6 +1,6 @@
 """What the parts of gaia-set are worth: writes docs/gaia-set-ablation.md.
 
-    python benchmarks/zone_ablation.py --out out/ablation [--portions 12] [--workers 2]
+    python benchmarks/quality/ablation.py --out out/ablation [--portions 12] [--workers 2]
 
 Every variant is trained anew on the same scenes for the same number of portions, far fewer than the
 shipped model's, and scored on validation scenes: training layouts, but other scenes. So nothing
@@ -15,11 +15,12 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
+import _tally
 from gaia_uwb import __version__
 from gaia_uwb.files import OutputFolder
 from gaia_uwb.model import GaiaSetOptions, SetModelDescription, SetTrainingOptions
 
-PAGE = Path(__file__).parents[1] / "docs" / "gaia-set-ablation.md"
+PAGE = Path(__file__).parents[2] / "docs" / "gaia-set-ablation.md"
 ADAMW = "AdamW for all weights, no Muon"
 VARIANTS = {
     "whole": GaiaSetOptions(),
@@ -37,9 +38,9 @@ METRICS = {
 HEAD = """\
 # gaia-set: without one of its parts
 
-Written by `python benchmarks/zone_ablation.py`; not edited by hand. One seed ({seed}), {portions}
-portions of {episodes} scenes for every variant (the shipped model: {shipped}), {validation}
-validation scenes of each kind. Lower is better in every column.
+Written by `python benchmarks/quality/ablation.py`; not edited by hand. One seed ({seed}),
+{portions} portions of {episodes} scenes for every variant (the shipped model: {shipped}),
+{validation} validation scenes of each kind. Lower is better in every column.
 """
 
 
@@ -87,15 +88,11 @@ def train(network: GaiaSetOptions, options: SetTrainingOptions, place: Path) -> 
 
 def table(kind: str, found: dict[str, SetModelDescription]) -> str:
     """Return all variants on one kind of scene, as Markdown."""
-    lines = [
-        f"## `{kind}`\n",
-        f"| variant | {' | '.join(METRICS.values())} |",
-        "|---" * (len(METRICS) + 1) + "|",
+    rows = [
+        [variant, *(f"{model.metrics[f'{kind}_{name}']:.4g}" for name in METRICS)]
+        for variant, model in found.items()
     ]
-    for variant, model in found.items():
-        cells = [f"{model.metrics[f'{kind}_{name}']:.4g}" for name in METRICS]
-        lines.append(f"| {variant} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+    return f"## `{kind}`\n\n" + _tally.table(["variant", *METRICS.values()], rows)
 
 
 if __name__ == "__main__":

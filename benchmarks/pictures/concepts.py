@@ -1,6 +1,6 @@
 """Draw the pictures of the concept pages, and print the numbers that stand on them.
 
-Run ``python benchmarks/concept_pictures.py``; it takes about half a minute. What is drawn is what
+Run ``python benchmarks/pictures/concepts.py``; it takes about half a minute. What is drawn is what
 the simulator and the package's own steps give, except where a title says that it is a sketch.
 """
 
@@ -22,17 +22,17 @@ from scipy.optimize import least_squares
 from gaia_uwb import PipelineConfig, Scene, read, reconstruct
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.config import AlignmentConfig
+from gaia_uwb.estimate import _CHI_SQUARE_90
 from gaia_uwb.readings import fit_anchors, gather_readings
 from gaia_uwb.simulate import PRESETS, PassConfig, simulate_pass
 
-OUT = Path(__file__).parents[1] / "docs" / "images" / "concepts"
+OUT = Path(__file__).parents[2] / "docs" / "images" / "concepts"
 # Okabe and Ito: told apart by all kinds of colour vision; line styles and markers tell as well.
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 GREY, INK = "#9A9A9A", "#222222"
 CONE_M = np.array([0.0, 7.0])
 BIASES_M = np.linspace(-0.4, 0.4, 9)
 N_PASSES = 10
-CHI_SQUARE_90 = 4.605  # two degrees of freedom
 STRAIGHT_STEADY = PRESETS["straight"].model_copy(
     update={"drive": PRESETS["straight"].drive.model_copy(update={"speed_variation": 0.0})}
 )
@@ -275,7 +275,7 @@ def mean_error_m(config: PassConfig) -> tuple[float, ...]:
             covariance_m2 = (anchor.covariance_m2, anchor.mirror_covariance_m2)[better]
             errors.append(float(np.linalg.norm(off_m[better])))
             distance = off_m[better] @ np.linalg.solve(covariance_m2, off_m[better])
-            inside.append(float(distance < CHI_SQUARE_90))
+            inside.append(float(distance < _CHI_SQUARE_90))
             semi_axes_m.append(anchor.semi_axes_90_m[0])
     means = (float(np.mean(values)) for values in (errors, bias_errors, inside))
     return *means, float(np.median(semi_axes_m))

@@ -1,13 +1,12 @@
 """Many passes over many zones: throughput of one process and of two, and the same files.
 
-    python benchmarks/fleet_speed.py [--zones 50] [--passes 20] [--workers 2]
+    python benchmarks/speed/fleet.py [--zones 50] [--passes 20] [--workers 2]
 
 Numerical libraries get one thread each in both, so that two processes are two processors.
 """
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import tempfile
 import time
@@ -15,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from _measure import make_parser, write_json
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.datasets.native import write_native
 from gaia_uwb.fleet import find_zones, write_tables
@@ -33,12 +33,13 @@ def digest(folder: Path) -> str:
 
 def main() -> None:
     """Print the times and whether the files are the same."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = make_parser(__doc__, __file__)
     parser.add_argument("--zones", type=int, default=50)
     parser.add_argument("--passes", type=int, default=20)
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     lanes = np.tile([0.0, 3.6], arguments.passes)[: arguments.passes].tolist()
+    passes = arguments.zones * arguments.passes
     with tempfile.TemporaryDirectory() as place:
         logs, times, digests = Path(place) / "logs", [], []
         for zone in range(arguments.zones):
@@ -54,9 +55,11 @@ def main() -> None:
             )
             times.append(time.perf_counter() - start)
             digests.append(digest(out))
-            passes = arguments.zones * arguments.passes
             print(f"{workers} workers: {passes} passes in {times[-1]:.1f} s")
-        print(f"{times[0] / times[1]:.2f} x one worker; same files: {digests[0] == digests[1]}")
+    same = digests[0] == digests[1]
+    print(f"{times[0] / times[1]:.2f} x one worker; same files: {same}")
+    rows = {"passes": passes, "one_worker_s": times[0], "workers_s": times[1], "same_files": same}
+    write_json(rows | {"workers": arguments.workers}, arguments.out)
 
 
 if __name__ == "__main__":

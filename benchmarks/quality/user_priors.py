@@ -1,7 +1,10 @@
 """Measure what a user's knowledge of a zone is worth: docs/howto/known-facts.md.
 
 The same simulated test passes are reconstructed without and with true statements, and with wrong
-ones. Usage: python benchmarks/user_priors.py [--episodes N] [--source SPEC] [--denoiser NAME]
+ones.
+
+    python benchmarks/quality/user_priors.py [--episodes N] [--source SPEC] [--denoiser NAME]
+
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from _tally import means, table_head, table_row
 from gaia_uwb.api import load_scenes
 from gaia_uwb.config import PipelineConfig, make_config
 from gaia_uwb.episode import Episode
@@ -21,6 +25,9 @@ from gaia_uwb.pipeline import prepare, reconstruct_episodes
 
 Said = Callable[[Episode], dict[str, object]]
 OBJECTIONS = {ReasonKind.STATEMENT, ReasonKind.EXCEPTION}
+COLUMNS = (
+    "said", "IoU", "anchor error (m)", "wrong sides", "side unknown", "statement contradicted",
+)  # fmt: skip
 OTHER = {"left": "right", "right": "left"}
 
 
@@ -61,17 +68,17 @@ def row(name: str, said: Said, episodes: list[Episode], denoiser: str) -> str:
         scores.append(score_episode(episode, found.denoised, found.anchors))
         noticed.append(any(reason.kind in OBJECTIONS for reason in found.reasons))
         doubtful.append(np.mean([fix.side_is_open for fix in found.anchors]))
-    cells = []
-    for metric, scale, digits in (
-        ("polygon_iou", 1.0, 3),
-        ("anchor_mae", 1.0, 2),
-        ("wrong_side_share", 100.0, 1),
-    ):
-        values = [each[metric].value for each in scores if metric in each]
-        cells.append(f"{scale * np.mean(values):.{digits}f}")
-    return (
-        f"| {name} | {cells[0]} | {cells[1]} | {cells[2]} % | {100 * np.mean(doubtful):.0f} % | "
-        f"{100 * np.mean(noticed):.0f} % |"
+    names = [episode.name for episode in episodes]
+    mean = means(scores, names, ("polygon_iou", "anchor_mae", "wrong_side_share"))
+    return table_row(
+        [
+            name,
+            f"{mean['polygon_iou']:.3f}",
+            f"{mean['anchor_mae']:.2f}",
+            f"{100 * mean['wrong_side_share']:.1f} %",
+            f"{100 * np.mean(doubtful):.0f} %",
+            f"{100 * np.mean(noticed):.0f} %",
+        ]
     )
 
 
@@ -85,8 +92,7 @@ def main() -> None:
     runs = [prepare(scene) for scene in load_scenes(f"{given.source}/{given.episodes}")]
     episodes = [run for run in runs if side_of(run) is not None]
     print(f"{len(episodes)} of {len(runs)} zones have all cones on one side; {given.denoiser}\n")
-    print("| said | IoU | anchor error (m) | wrong sides | side unknown | statement contradicted |")
-    print("|---|---|---|---|---|---|")
+    print(table_head(COLUMNS))
     for name, said in STATEMENTS.items():
         print(row(name, said, episodes, given.denoiser), flush=True)
 

@@ -1,6 +1,6 @@
 """What a second lane gives: sides, errors and coverage of one pass and of two, fused.
 
-    python benchmarks/two_passes.py [--zones 100] [--presets straight lane-closure]
+    python benchmarks/quality/two_passes.py [--zones 100] [--presets straight lane-closure]
 
 Coverage and error are those of the better of the two places, so that a wrong side counts as a wrong
 side only. The sides are those that the ranges alone prefer, before the anchors decide jointly.
@@ -12,6 +12,7 @@ import argparse
 
 import numpy as np
 
+from _tally import Tally
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoisers import make_denoiser
 from gaia_uwb.fusion import fuse
@@ -21,7 +22,6 @@ from gaia_uwb.pipeline import prepare
 from gaia_uwb.scene import Scene
 from gaia_uwb.simulate import PRESETS, simulate_zone
 
-CHI_SQUARE_90 = -2.0 * np.log(0.1)
 CONFIG = PipelineConfig(denoiser="raw")  # measured ranges are what passes are fused from by default
 
 
@@ -33,31 +33,20 @@ def located(scene: Scene) -> LocatedPass:
     return LocatedPass(episode, ranges, hypotheses)
 
 
-class Tally:
-    """Counts of one way to locate anchors."""
+def add(tally: Tally, found: Hypotheses, true_m: np.ndarray) -> None:
+    """Count one zone's anchors that both have places."""
+    covariance_m2 = found.covariance_m2 * found.factor()[:, None]
+    for n in np.flatnonzero(np.isfinite(found.position_m).all(axis=(1, 2))):
+        tally.add(found.position_m[n], covariance_m2[n], true_m[n])
 
-    def __init__(self) -> None:
-        self.right, self.error_m, self.covered = [], [], []  # type: ignore[var-annotated]
 
-    def add(self, found: Hypotheses, true_m: np.ndarray) -> None:
-        """Count one zone's anchors."""
-        off_m = found.position_m - true_m[:, None]
-        distance_m = np.hypot(off_m[..., 0], off_m[..., 1])
-        heard = np.isfinite(distance_m).all(axis=1)
-        for n in np.flatnonzero(heard):
-            nearer = int(distance_m[n].argmin())
-            self.right.append(distance_m[n, 0] <= distance_m[n, nearer] + 1e-9)
-            self.error_m.append(distance_m[n, nearer])
-            off, covariance = off_m[n, nearer], (found.covariance_m2[:, nearer] * found.factor())[n]
-            self.covered.append(off @ np.linalg.solve(covariance, off) < CHI_SQUARE_90)
-
-    def row(self) -> str:
-        """Return the counts in words."""
-        return (
-            f"{len(self.right):5d} anchors  right side {np.mean(self.right):.3f}  "
-            f"median error {np.median(self.error_m):.3f} m  90 % ellipses cover "
-            f"{np.mean(self.covered):.3f}"
-        )
+def row(tally: Tally) -> str:
+    """Return the counts in words."""
+    return (
+        f"{len(tally):5d} anchors  right side {np.mean(tally.right):.3f}  "
+        f"median error {np.median(tally.nearer_m):.3f} m  90 % ellipses cover "
+        f"{np.mean(tally.covered):.3f}"
+    )
 
 
 def main() -> None:
@@ -74,11 +63,11 @@ def main() -> None:
             fused = fuse(passes, CONFIG)
             truth = scenes[0].truth
             if truth is not None:
-                one.add(passes[0].hypotheses, truth.anchor_m)
-                two.add(fused.hypotheses, truth.anchor_m)
+                add(one, passes[0].hypotheses, truth.anchor_m)
+                add(two, fused.hypotheses, truth.anchor_m)
             moved += len(fused.disagreements)
-        print(f"{preset}: one pass  {one.row()}")
-        print(f"{preset}: two lanes {two.row()}; {moved} falsely called moved")
+        print(f"{preset}: one pass  {row(one)}")
+        print(f"{preset}: two lanes {row(two)}; {moved} falsely called moved")
 
 
 if __name__ == "__main__":

@@ -1,28 +1,29 @@
 """Wall time of the commands from the shell, as a user waits for them: best and median of five runs.
 
-Usage: python benchmarks/command_time.py [--data-dir FOLDER]   (or GAIA_DATA_DIR)
+    python benchmarks/speed/command_time.py [--data-dir FOLDER]   (or GAIA_DATA_DIR)
+
+``--rounds`` sets how many runs.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import statistics
 import tempfile
 from pathlib import Path
 
-from timing import command_seconds
+from _measure import command_seconds, make_parser, write_json
 
-RUNS = 5
 REAL = "outdoor-uwb:NLOS/B/4"
 
 
 def main() -> None:
-    """Time the commands and write the result to benchmarks/out/."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    """Time the commands."""
+    parser = make_parser(__doc__, __file__)
+    parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--data-dir", type=Path, default=os.environ.get("GAIA_DATA_DIR"))
-    data_dir = parser.parse_args().data_dir
+    given = parser.parse_args()
+    data_dir = given.data_dir
     rows = {}
     with tempfile.TemporaryDirectory() as out:
         commands = {
@@ -35,7 +36,7 @@ def main() -> None:
         else:
             print(f"left out, no outdoor UWB data set (set GAIA_DATA_DIR): gaia reconstruct {REAL}")
         for name, (arguments, budget_s) in commands.items():
-            seconds = command_seconds(arguments, RUNS)
+            seconds = command_seconds(arguments, given.rounds)
             rows[name] = {
                 "best_s": min(seconds),
                 "median_s": statistics.median(seconds),
@@ -45,9 +46,7 @@ def main() -> None:
                 f"{name:45} best {min(seconds):.2f} s, median {statistics.median(seconds):.2f} s"
                 f" (budget {budget_s} s)"
             )
-    folder = Path(__file__).with_name("out")
-    folder.mkdir(exist_ok=True)
-    (folder / "command_time.json").write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+    write_json(rows, given.out)
 
 
 if __name__ == "__main__":

@@ -1,19 +1,21 @@
 """Time and memory to read an hour's log of 10 anchors: 36,000 fixes and 360,000 ranges at 10 Hz.
 
-Usage: python benchmarks/bag_speed.py   (needs the extra ros; budget: 10 s and 1 GiB per format)
+    python benchmarks/speed/bag_reading.py [--hours 1]   (needs the extra ros)
+
+The budget is 10 s and 1 GiB per format.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import resource
 import subprocess
 import sys
 import tempfile
 import time
-from importlib import import_module
 from pathlib import Path
+
+from _measure import make_parser, tests_module, write_json
 
 FORMATS = ("bag", "mcap", "folder-sqlite3")
 HOUR_S, HZ, ANCHORS, START_S = 3600, 10, 10, 1_700_000_000
@@ -37,12 +39,11 @@ def read(path: Path) -> None:
     print(json.dumps(row))
 
 
-def write(folder: Path, kind: str) -> Path:
-    """Write the hour's log."""
-    sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "datasets"))
-    bags = import_module("bags")
+def write(folder: Path, kind: str, hours: float) -> Path:
+    """Write the log."""
+    bags = tests_module("datasets/bags")
     log = bags.Log(folder, kind)
-    for k in range(HOUR_S * HZ):
+    for k in range(round(hours * HOUR_S * HZ)):
         t_s = START_S + k / HZ
         log.fix("/fix", t_s, 37.0 + k * 1e-7, 127.0 + (k / 1e4) ** 2 * 1e-5)
         for n in range(ANCHORS):
@@ -54,16 +55,18 @@ def write(folder: Path, kind: str) -> Path:
 
 def main() -> None:
     """Write and read each format, each in a process of its own."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = make_parser(__doc__, __file__)
+    parser.add_argument("--hours", type=float, default=1.0)
     parser.add_argument("--read", type=Path, help="read this log and print what it took")
-    path = parser.parse_args().read
-    if path is not None:
-        read(path)
+    given = parser.parse_args()
+    if given.read is not None:
+        read(given.read)
         return
     rows = {}
     for kind in FORMATS:
         with tempfile.TemporaryDirectory() as folder:
-            command = [sys.executable, __file__, "--read", str(write(Path(folder), kind))]
+            path = write(Path(folder), kind, given.hours)
+            command = [sys.executable, __file__, "--read", str(path)]
             done = subprocess.run(command, capture_output=True, text=True, check=True)
         row = rows[kind] = json.loads(done.stdout)
         within = row["wall_s"] < BUDGET_S and row["peak_gib"] < BUDGET_GIB
@@ -72,9 +75,7 @@ def main() -> None:
             f"{row['peak_gib']:.2f} GiB, {row['n_ranges']} ranges in {row['mib']:.0f} MiB: "
             f"{'within' if within else 'OVER'} {BUDGET_S:g} s and {BUDGET_GIB:g} GiB"
         )
-    out = Path(__file__).parent / "out" / "bag_speed.json"
-    out.parent.mkdir(exist_ok=True)
-    out.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+    write_json(rows, given.out)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
     gaia train gaia --data sim:wild --out out/wild-gaia          # the paper's network, same data
     gaia train gaia-set --data sim:mixed --seed 1 --out out/set1  # more seeds, where wanted
-    python benchmarks/zone_results.py --paper out/wild-gaia --model mixed --model out/set1
+    python benchmarks/quality/zone_results.py --paper out/wild-gaia --model mixed --model out/set1
 
 The outdoor UWB data set is looked for in GAIA_DATA_DIR or the user's cache. Nothing here is tuned:
 layouts of `wild-test` and `stress-test` are in no training, and no real range is in any of it.
@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+import _tally
 from gaia_uwb import __version__
 from gaia_uwb.api import load_scenes
 from gaia_uwb.bounds import cramer_rao_m, wrong_sides_probability
@@ -31,11 +32,11 @@ from gaia_uwb.files import OutputFolder
 from gaia_uwb.metrics import Metric, aggregate
 from gaia_uwb.pipeline import prepare, reconstruct_episodes
 from gaia_uwb.polygons import polygon_iou
-from gaia_uwb.simulate import find_preset, simulate_episodes, simulate_zone
+from gaia_uwb.simulate import find_preset, simulate_zone
 from gaia_uwb.stressors import STRESSORS, stress
 
-PAGE = Path(__file__).parents[1] / "docs" / "gaia-set-results.md"
-N_SIMULATED, SEED, STRESS_SEED = 500, 0, 7
+PAGE = Path(__file__).parents[2] / "docs" / "gaia-set-results.md"
+N_SIMULATED, STRESS_SEED = 500, 7
 N_PASSES, PASS_S, PASS_SEED = 100, 60.0, 5000
 OUR = PipelineConfig()
 PAPER = PipelineConfig(solver=SolverConfig(kind="wls"), sides=SidesConfig(joint=False))
@@ -54,8 +55,8 @@ COLUMNS = {
 HEAD = """\
 # gaia-set: results
 
-Written by `python benchmarks/zone_results.py`; not edited by hand. What the model is, what was
-tried and what bounds it: [design-notes.md](design-notes.md). Means over episodes with 95 %
+Written by `python benchmarks/quality/zone_results.py`; not edited by hand. What the model is, what
+was tried and what bounds it: [design-notes.md](design-notes.md). Means over episodes with 95 %
 bootstrap intervals (over runs on real data, eight of them: rather too short). `gaia-set` is trained
 on simulation only; where several seeds are named, its rows are means over them. All rows are
 without labels, unless they say "labels"; places are `gaia-set`'s own, or the robust solver's. The
@@ -88,7 +89,7 @@ def main() -> None:
     parts = [HEAD]
     results: dict[str, Any] = {}
     for preset in ("wild", "stress"):
-        test = simulated(f"{preset}-test", given.episodes)
+        test = _tally.simulated(f"{preset}-test", given.episodes)
         rows = rows_of(test, models)
         if preset == "wild" and given.paper:
             rows["paper's GAIA, trained on wild"] = scored(test, [f"gaia:{given.paper}"], OUR)
@@ -128,12 +129,6 @@ def main() -> None:
     folder = OutputFolder(given.out)
     folder.write_text(PAGE.name, "\n".join(parts))
     folder.write_text("gaia-set-results.json", json.dumps(results, indent=2) + "\n")
-
-
-def simulated(preset: str, n: int) -> Test:
-    """Return episodes straight from the simulator, each a run of its own."""
-    episodes = tuple(simulate_episodes(find_preset(preset), n, SEED))
-    return Test(episodes, tuple(episode.name for episode in episodes), 0)
 
 
 Scores = list[list[dict[str, Metric]]]
@@ -198,11 +193,10 @@ def robustness(test: Test, models: Sequence[str]) -> list[dict[str, Any]]:
 
 def by_seed(test: Test, scores: Scores, models: Sequence[str]) -> dict[str, dict[str, float]]:
     """Return the means of each model by itself."""
-    found = {}
-    for model, one in zip(models, scores, strict=True):
-        metrics = aggregate(one, test.groups)
-        found[model] = {name: metrics[name].value for name in COLUMNS if name in metrics}
-    return found
+    return {
+        model: _tally.means(one, test.groups, COLUMNS)
+        for model, one in zip(models, scores, strict=True)
+    }
 
 
 def bounds(episodes: Sequence[Episode], models: Sequence[str]) -> dict[str, float]:
@@ -258,11 +252,10 @@ def by_layout(test: Test, rows: dict[str, Scores]) -> dict[str, dict[str, float]
 
 def table(rows: dict[str, Any]) -> str:
     """Return rows as Markdown."""
-    lines = [f"| method | {' | '.join(COLUMNS.values())} |", "|---" * (len(COLUMNS) + 1) + "|"]
-    for method, metrics in rows.items():
-        cells = [cell(metrics.get(name)) for name in COLUMNS]
-        lines.append(f"| {method} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+    return _tally.table(
+        ["method", *COLUMNS.values()],
+        ([method, *(cell(found.get(name)) for name in COLUMNS)] for method, found in rows.items()),
+    )
 
 
 def cell(metric: dict[str, Any] | None) -> str:
@@ -280,31 +273,30 @@ def bounds_text(found: dict[str, float]) -> str:
 
 def seeds_text(found: dict[str, dict[str, float]]) -> str:
     """Return each model's means as Markdown."""
-    lines = [f"| model | {' | '.join(COLUMNS.values())} |", "|---" * (len(COLUMNS) + 1) + "|"]
-    for k, values in enumerate(found.values()):
-        lines.append(f"| {k} | {' | '.join(f'{values[name]:.4g}' for name in COLUMNS)} |")
-    return "\n".join(lines) + "\n"
+    return _tally.table(
+        ["model", *COLUMNS.values()],
+        ([k, *(f"{v[name]:.4g}" for name in COLUMNS)] for k, v in enumerate(found.values())),
+    )
 
 
 def robustness_text(rows: list[dict[str, Any]]) -> str:
     """Return the robustness table as Markdown."""
     names = ["gaia-set", *STRESSED]
-    lines = [f"| stressor | setting | {' | '.join(names)} |", "|---" * (len(names) + 2) + "|"]
+    lines = []
     for row in rows:
         best = max(row[name] for name in names)
         cells = [f"**{row[n]:.3f}**" if row[n] == best else f"{row[n]:.3f}" for n in names]
-        lines.append(f"| {row['stressor']} | {row['setting']:g} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+        lines.append([row["stressor"], f"{row['setting']:g}", *cells])
+    return _tally.table(["stressor", "setting", *names], lines)
 
 
 def layouts_text(found: dict[str, dict[str, float]]) -> str:
     """Return the layouts' table as Markdown."""
     names = list(next(iter(found.values())))
-    lines = [f"| method | {' | '.join(f'case {name}' for name in names)} |"]
-    lines.append("|---" * (len(names) + 1) + "|")
-    for method, values in found.items():
-        lines.append(f"| {method} | {' | '.join(f'{v:.3f}' for v in values.values())} |")
-    return "\n".join(lines) + "\n"
+    return _tally.table(
+        ["method", *(f"case {name}" for name in names)],
+        ([method, *(f"{v:.3f}" for v in values.values())] for method, values in found.items()),
+    )
 
 
 if __name__ == "__main__":

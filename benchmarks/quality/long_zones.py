@@ -1,8 +1,8 @@
 """Work zones of a kilometre, passed once: how many cones that are called ok are on the wrong side.
 
-Run ``python benchmarks/long_zones.py``; a minute. Straight roads with little bend, cones on one
-side, no lane change: what tells the side is how cones stand beside each other. ``expected`` is the
-sum of the mirror probabilities that were given.
+Run ``python benchmarks/quality/long_zones.py``; a minute. Straight roads with little bend, cones on
+one side, no lane change: what tells the side is how cones stand beside each other. ``expected`` is
+the sum of the mirror probabilities that were given.
 """
 
 from __future__ import annotations
@@ -11,11 +11,15 @@ import argparse
 
 import numpy as np
 
+from _tally import Tally, table_head, table_row
 from gaia_uwb import PipelineConfig, reconstruct
 from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.simulate import PRESETS, PassConfig, simulate_pass
 
 SPEED_MPS = 15.0
+COLUMNS = (
+    "work space (m)", "denoiser", "cones", "ok", "of these wrong", "expected", "error (m)",
+)  # fmt: skip
 
 
 def long_zone(work_m: float, n_anchors: int) -> PassConfig:
@@ -37,11 +41,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--passes", type=int, default=20)
     given = parser.parse_args()
-    print("| work space (m) | denoiser | cones | ok | of these wrong | expected | error (m) |")
-    print("|---" * 7 + "|")
+    print(table_head(COLUMNS))
     for work_m in (300.0, 900.0):
         for denoiser in ("gaia-set", "pose-kalman"):
-            n, mirror, wrong, error_m = 0, [], [], []
+            n, expected, ok = 0, 0.0, Tally()
             for seed in range(given.passes):
                 scene = simulate_pass(long_zone(work_m, 24), seed)
                 assert scene.truth is not None
@@ -49,16 +52,16 @@ def main() -> None:
                 n += len(found)
                 for fix, true_m in zip(found, scene.truth.anchor_m, strict=True):
                     if fix.status is AnchorStatus.OK:
-                        places_m = np.stack([fix.position_m, fix.mirror_position_m])
-                        off_m = np.linalg.norm(places_m - true_m, axis=1)
-                        mirror.append(fix.mirror_probability)
-                        wrong.append(off_m[1] < off_m[0])
-                        error_m.append(off_m[0])
-            print(
-                f"| {work_m:.0f} | `{denoiser}` | {n} | {len(wrong)} | {sum(wrong)} | "
-                f"{sum(mirror):.1f} | {np.median(error_m):.2f} |",
-                flush=True,
-            )
+                        expected += fix.mirror_probability
+                        ok.add(
+                            np.stack([fix.position_m, fix.mirror_position_m]),
+                            np.stack([fix.covariance_m2, fix.mirror_covariance_m2]),
+                            true_m,
+                        )
+            counts = n, len(ok), int((~ok.right).sum()), f"{expected:.1f}"
+            error_m = np.median(ok.error_m[:, 0])
+            row = table_row([f"{work_m:.0f}", f"`{denoiser}`", *counts, f"{error_m:.2f}"])
+            print(row, flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Draw the gallery of work zones in ``docs/images/zones``: one picture per kind, all in road view.
 
-Run ``python benchmarks/zone_gallery.py``; every picture shows a pass that the simulator made.
+Run ``python benchmarks/pictures/gallery.py``; every picture shows a pass that the simulator made.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from gaia_uwb.simulate.settings import (
     ZoneKind,
 )
 
-OUT = Path(__file__).parents[1] / "docs" / "images" / "zones"
+OUT = Path(__file__).parents[2] / "docs" / "images" / "zones"
 SEED = 4
 LIMIT_MPH = {"median-crossover": 45, "shoulder-closure": 55}  # short tapers elsewhere
 
