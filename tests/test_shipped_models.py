@@ -21,7 +21,7 @@ from gaia_uwb.features import make_features
 from gaia_uwb.metrics import aggregate
 from gaia_uwb.model_card import model_card, set_model_card
 from gaia_uwb.simulate import find_preset, simulate_episodes
-from gaia_uwb.zone_inputs import readings_of, zone_inputs
+from gaia_uwb.zone_inputs import zone_inputs, zone_readings
 
 SETS = {name: path for name, path in shipped_models().items() if name.startswith("gaia-set-")}
 MODELS = {name: path for name, path in shipped_models().items() if name not in SETS}
@@ -85,7 +85,7 @@ def test_the_set_models_onnx_is_the_network_of_its_weights(folder: Path) -> None
     network.load_state_dict({name: torch.from_numpy(value) for name, value in weights.items()})
     denoiser = make_denoiser(f"gaia-set:{folder}")
     for episode in simulate_episodes(find_preset("wild-test"), 5, seed=1):
-        inputs, frame = zone_inputs(readings_of([episode]))
+        inputs, frame = zone_inputs(zone_readings([episode]))
         with torch.no_grad():
             expected = network(*map(torch.from_numpy, inputs))
         (found,) = denoiser([episode])

@@ -26,7 +26,7 @@ from gaia_uwb.episode import bias_basis
 from gaia_uwb.simulate import find_preset
 from gaia_uwb.simulate.blocks import EpisodeBlock, simulate_blocks
 from gaia_uwb.simulate.roaming import simulate_roaming
-from gaia_uwb.zone_inputs import Readings, ZoneInputs, zone_inputs
+from gaia_uwb.zone_inputs import ZoneInputs, ZoneReadings, zone_inputs
 
 __all__ = ["MIX", "ZoneBatch", "training_portion", "validation_portion"]
 
@@ -163,7 +163,7 @@ def _batch(
     *,
     calibrated: bool,
 ) -> ZoneBatch:
-    readings = Readings(
+    readings = ZoneReadings(
         t_s=block.t_s[own],
         position_m=block.position_m[own],
         range_m=range_m,

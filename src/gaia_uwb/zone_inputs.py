@@ -8,7 +8,7 @@ or in which order its anchors come.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from gaia_uwb.episode import Episode
 from gaia_uwb.multilateration import SolverOptions, solve
 from gaia_uwb.path_frame import PathFrame, road_parabola
 
-__all__ = ["Readings", "ZoneInputs", "readings_of", "zone_inputs"]
+__all__ = ["ZoneInputs", "ZoneReadings", "zone_inputs", "zone_readings"]
 
 _SIGMA_M = 0.1  # of all ranges alike: the solver finds their scale
 _BIAS_SIGMA_M = 0.1
@@ -26,7 +26,7 @@ _PROFILE_STEPS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the path, where its sway is l
 _OPTIONS = SolverOptions(max_lag=16)
 
 
-class Readings(NamedTuple):
+class ZoneReadings(NamedTuple):
     """Ranges of B episodes of T steps and N anchors, in the local frame; all in metres."""
 
     t_s: Float64[Array, "B T"]
@@ -41,33 +41,39 @@ class Readings(NamedTuple):
 
 
 class ZoneInputs(NamedTuple):
-    """Inputs of the network, in metres and seconds; (along, left) is the path's frame."""
+    """Inputs of the network, arrays or tensors in single precision, in metres and seconds.
 
-    position: Float32[Array, "B T 2"]
-    velocity: Float32[Array, "B T 2"]
-    range: Float32[Array, "B N T"]
-    """Measured slant ranges, 0 where there is none."""
-    mask: Float32[Array, "B N T"]
-    """1 where there is a range, else 0."""
-    height_gap: Float32[Array, "B N T"]
-    """Tag's height minus the anchor's; 0 where unknown."""
-    start: Float32[Array, "B N 2 2"]
-    """Anchor, side (left, right), (along, left): where the solver puts it on either side."""
-    fit: Float32[Array, "B N 2 4"]
-    """Of each place: negative log likelihood less the other's, logarithm of the errors' scale,
-    range bias, logarithm of the errors' correlation."""
-    road: Float32[Array, "B 3"]
-    """The path as a parabola."""
-    path_even: Float32[Array, "B 6"]
-    """What of a scene does not change in the mirror: logarithms of the path's length and width
-    and of the number of anchors, mean speed, its standard deviation, and ``calibrated``."""
-    path_odd: Float32[Array, "B 5"]
-    """How far left the path is at its start, quarters and end."""
-    step: Float32[Array, "B"]
-    """Logarithm of the time between two steps."""
+    (along, left) is the path's frame.
+    """
+
+    position: Any
+    """(B, T, 2)."""
+    velocity: Any
+    """(B, T, 2)."""
+    range: Any
+    """(B, N, T): measured slant ranges, 0 where there is none."""
+    mask: Any
+    """(B, N, T): 1 where there is a range, else 0."""
+    height_gap: Any
+    """(B, N, T): tag's height minus the anchor's; 0 where unknown."""
+    start: Any
+    """(B, N, 2, 2): anchor, side (left, right), (along, left), where the solver puts it on either
+    side."""
+    fit: Any
+    """(B, N, 2, 4), of each place: negative log likelihood less the other's, logarithm of the
+    errors' scale, range bias, logarithm of the errors' correlation."""
+    road: Any
+    """(B, 3): the path as a parabola."""
+    path_even: Any
+    """(B, 6), what of a scene does not change in the mirror: logarithms of the path's length and
+    width and of the number of anchors, mean speed, its standard deviation, and ``calibrated``."""
+    path_odd: Any
+    """(B, 5): how far left the path is at its start, quarters and end."""
+    step: Any
+    """(B,): logarithm of the time between two steps."""
 
 
-def readings_of(episodes: Sequence[Episode]) -> Readings:
+def zone_readings(episodes: Sequence[Episode]) -> ZoneReadings:
     """Lay out episodes of one number of steps and of anchors.
 
     Parameters
@@ -76,7 +82,7 @@ def readings_of(episodes: Sequence[Episode]) -> Readings:
         At least one; their truth is not looked at.
     """
     unknown = [e.tag_up_m is None or e.anchor_up_m is None for e in episodes]
-    return Readings(
+    return ZoneReadings(
         t_s=np.stack([e.t_s for e in episodes]),
         position_m=np.stack([e.position_m for e in episodes]),
         range_m=np.stack([np.ascontiguousarray(e.range_m.T) for e in episodes]),
@@ -93,7 +99,7 @@ def readings_of(episodes: Sequence[Episode]) -> Readings:
     )
 
 
-def zone_inputs(readings: Readings) -> tuple[ZoneInputs, PathFrame]:
+def zone_inputs(readings: ZoneReadings) -> tuple[ZoneInputs, PathFrame]:
     """Return the network's inputs and the frames that its places are in.
 
     Parameters
@@ -126,7 +132,7 @@ def zone_inputs(readings: Readings) -> tuple[ZoneInputs, PathFrame]:
 
 
 def _both_sides(
-    path_m: Float64[Array, "B T 2"], readings: Readings
+    path_m: Float64[Array, "B T 2"], readings: ZoneReadings
 ) -> tuple[Float64[Array, "B N 2 2"], Float64[Array, "B N 2 4"]]:
     """Locate each anchor on both sides: the left place first."""
     found = solve(

@@ -13,7 +13,7 @@ from torch import Tensor
 from gaia_uwb.model import GaiaSetOptions
 from gaia_uwb.networks.gaia_set import GaiaSet, ZonePrediction
 from gaia_uwb.networks.set_heads import Prior, gauss_newton, side_probability
-from gaia_uwb.networks.zone_tokens import SetInputs, make_scene
+from gaia_uwb.networks.zone_tokens import make_token_scene
 from gaia_uwb.zone_inputs import ZoneInputs
 
 SMALL = GaiaSetOptions(channels=6, width=8, layers=1)
@@ -66,10 +66,6 @@ def run(network: GaiaSet, inputs: ZoneInputs) -> ZonePrediction:
 
 def same(found: Tensor, expected: Tensor) -> None:
     torch.testing.assert_close(found, expected, rtol=1e-7, atol=1e-7)
-
-
-def test_its_inputs_are_those_that_are_made_of_episodes() -> None:
-    assert SetInputs._fields == ZoneInputs._fields
 
 
 def test_permuting_anchors_permutes_the_output() -> None:
@@ -163,7 +159,7 @@ def test_without_attention_anchors_do_not_see_each_other() -> None:
 
 def test_gauss_newton_without_a_prior_finds_where_ranges_meet() -> None:
     inputs = [torch.from_numpy(np.array(part)) for part in make_inputs(2, 3, 40)]
-    scene = make_scene(SetInputs(*inputs))
+    scene = make_token_scene(ZoneInputs(*inputs))
     truth = torch.tensor([[8.0, 5.0], [-3.0, 9.0], [0.0, 4.0]], dtype=torch.float64)
     place = torch.cat([truth, truth]).expand(2, -1, -1)  # each token in its own frame
     off = place.unsqueeze(2) - scene.path

@@ -18,15 +18,15 @@ from pydantic import Field
 
 from gaia_uwb._typing import Array, Float64
 from gaia_uwb.checkpoint import ONNX, find_model, read_file, read_set_description
-from gaia_uwb.denoised import DenoisedRanges, ZonePosterior
 from gaia_uwb.denoisers._base import Denoiser, Options
 from gaia_uwb.denoisers._onnx import start_session
 from gaia_uwb.denoisers._pieces import pieces_of, put_together
-from gaia_uwb.episode import Episode
+from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.model import SET_FARTHEST_M, SET_LONGEST_STEPS, SET_MOST_ANCHORS
 from gaia_uwb.path_frame import PathFrame
-from gaia_uwb.zone_inputs import ZoneInputs, readings_of, zone_inputs
+from gaia_uwb.zone_inputs import ZoneInputs, zone_inputs, zone_readings
+from gaia_uwb.zone_posterior import ZonePosterior
 
 if TYPE_CHECKING:
     import onnxruntime
@@ -97,7 +97,7 @@ class NeuralGaiaSet(Denoiser):
 
     def _run(self, episodes: Sequence[Episode]) -> list[DenoisedRanges]:
         """Denoise episodes of one number of steps and of anchors."""
-        inputs, frame = zone_inputs(readings_of(episodes))
+        inputs, frame = zone_inputs(zone_readings(episodes))
         feed = dict(zip(ZoneInputs._fields, inputs, strict=True))
         values = self._session.run(list(_OUTPUTS), feed)
         output = {

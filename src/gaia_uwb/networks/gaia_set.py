@@ -47,16 +47,16 @@ from gaia_uwb.networks.set_heads import (
 from gaia_uwb.networks.zone_tokens import (
     PAIR_FEATURES,
     TOKEN_FEATURES,
-    Scene,
-    SetInputs,
+    TokenScene,
     by_side,
     flip,
-    make_scene,
+    make_token_scene,
     pair_features,
     slant_m,
     to_tokens,
     token_features,
 )
+from gaia_uwb.zone_inputs import ZoneInputs
 
 _TAILS = 4.0  # degrees of freedom of the ranges' errors
 
@@ -115,8 +115,8 @@ class GaiaSet(nn.Module):
 
     def predictions(self, *inputs: Tensor) -> list[ZonePrediction]:
         """Return what each round would predict, with the last one's sides; losses look at all."""
-        given = SetInputs(*inputs)
-        scene = make_scene(given)
+        given = ZoneInputs(*inputs)
+        scene = make_token_scene(given)
         evidence = _evidence(given.fit[..., 0] / given.fit[..., 3].exp())
         place = to_tokens(given.start) * flip(scene.side)
         token, rounds = None, []
@@ -154,7 +154,7 @@ class Round(nn.Module):
         self.place_head = PlaceHead(width)
 
     def forward(
-        self, scene: Scene, place: Tensor, before: Tensor | None, evidence: Tensor
+        self, scene: TokenScene, place: Tensor, before: Tensor | None, evidence: Tensor
     ) -> RoundOutput:
         """Return better places for tokens (B, M, 2), and all that goes with them."""
         h, pooled = self.encoder(scene, place)  # (B, M, C, T), (B, M, 2C)
@@ -178,7 +178,7 @@ class Round(nn.Module):
 
 
 def _prediction(
-    scene: Scene, out: RoundOutput, scene_logit: Tensor, side_logit: Tensor
+    scene: TokenScene, out: RoundOutput, scene_logit: Tensor, side_logit: Tensor
 ) -> ZonePrediction:
     """Bring a round's output into the path's frame; the sides' ranges count by probability."""
     place = by_side(out.place * flip(scene.side))

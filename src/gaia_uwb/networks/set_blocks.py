@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from gaia_uwb.networks.zone_tokens import STEP_FEATURES, Scene, step_features
+from gaia_uwb.networks.zone_tokens import STEP_FEATURES, TokenScene, step_features
 
 PAIR_WIDTH = 16
 """Width P of what is said about a pair of tokens."""
@@ -68,7 +68,7 @@ class TemporalEncoder(nn.Module):
         self.enter = nn.Conv1d(STEP_FEATURES, channels, 1)
         self.layers = nn.ModuleList(DilatedConvolution(channels, dilation=d) for d in _DILATIONS)
 
-    def forward(self, scene: Scene, place: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, scene: TokenScene, place: Tensor) -> tuple[Tensor, Tensor]:
         """Return features of every step (B, M, C, T), and of the whole token (B, M, 2C)."""
         x = step_features(scene, place)  # (B, M, T, F)
         batch, tokens, steps, n_features = x.shape

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from gaia_uwb.networks.set_blocks import two_layers
-from gaia_uwb.networks.zone_tokens import Scene, by_side, off_road_m, road_left_m, slant_m
+from gaia_uwb.networks.zone_tokens import TokenScene, by_side, off_road_m, road_left_m, slant_m
 
 _NEWTON_STEPS = 3
 _LONGEST_STEP_M = 30.0
@@ -59,7 +59,7 @@ class Prior(NamedTuple):
 
 
 def gauss_newton(
-    scene: Scene, place: Tensor, range_m: Tensor, weight: Tensor, prior: Prior
+    scene: TokenScene, place: Tensor, range_m: Tensor, weight: Tensor, prior: Prior
 ) -> tuple[Tensor, Tensor]:
     """Find the places that corrected ranges and priors agree on.
 
@@ -116,7 +116,7 @@ class PlaceHead(nn.Module):
         # Hardly any prior, at the solver's place.
         _begin_with(self.layers[-1], 0.0, 0.0, -2.0, -2.0, 0.0, 0.0, 2.0)
 
-    def forward(self, scene: Scene, place: Tensor, token: Tensor) -> tuple[Prior, Tensor]:
+    def forward(self, scene: TokenScene, place: Tensor, token: Tensor) -> tuple[Prior, Tensor]:
         """Return the prior, and which share of the ranges' information counts (B, M, 1)."""
         ahead, across, log_along, log_left, correlation, share, keep = self.layers(token).unbind(-1)
         along = (place[..., 0] + 5 * ahead).clamp(-_FARTHEST_PRIOR_M, _FARTHEST_PRIOR_M)

@@ -13,29 +13,15 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from gaia_uwb.zone_inputs import ZoneInputs
+
 _LEAST_SQUARE_M2 = 1e-4  # under a root, so that its gradient stays finite on top of an anchor
 
 STEP_FEATURES, TOKEN_FEATURES, PAIR_FEATURES = 17, 42, 15
 """Numbers of features of a step, of a token with its evidence, and of a pair of tokens."""
 
 
-class SetInputs(NamedTuple):
-    """A batch: the fields of :class:`gaia_uwb.zone_inputs.ZoneInputs` as tensors."""
-
-    position: Tensor
-    velocity: Tensor
-    range: Tensor
-    mask: Tensor
-    height_gap: Tensor
-    start: Tensor
-    fit: Tensor
-    road: Tensor
-    path_even: Tensor
-    path_odd: Tensor
-    step: Tensor
-
-
-class Scene(NamedTuple):
+class TokenScene(NamedTuple):
     """What the rounds know of a batch, token by token, each in its own frame."""
 
     side: Tensor  # (B, M): 1 left, -1 right
@@ -51,7 +37,7 @@ class Scene(NamedTuple):
     kin: Tensor  # (M, M, 3): of one side; of one anchor; the same
 
 
-def make_scene(inputs: SetInputs) -> Scene:
+def make_token_scene(inputs: ZoneInputs) -> TokenScene:
     """Lay the inputs out for the tokens, each in its own frame."""
     ones = torch.ones_like(inputs.range[:, :, 0])  # (B, N)
     side = torch.cat([ones, -ones], dim=1)  # (B, M)
@@ -96,7 +82,7 @@ def make_scene(inputs: SetInputs) -> Scene:
     number = torch.cat([number, number])
     one_side = (side[0].unsqueeze(1) * side[0].unsqueeze(0) + 1) / 2
     one_anchor = (number.unsqueeze(1) == number.unsqueeze(0)).to(inputs.range.dtype)
-    return Scene(
+    return TokenScene(
         side=side,
         path=inputs.position.unsqueeze(1) * mirror,
         velocity=inputs.velocity.unsqueeze(1) * mirror,
@@ -111,23 +97,23 @@ def make_scene(inputs: SetInputs) -> Scene:
     )
 
 
-def slant_m(scene: Scene, place: Tensor) -> tuple[Tensor, Tensor]:
+def slant_m(scene: TokenScene, place: Tensor) -> tuple[Tensor, Tensor]:
     """Return slant distances (B, M, T) of places, and place minus path (B, M, T, 2)."""
     off = place.unsqueeze(2) - scene.path
     return torch.sqrt(off.square().sum(dim=-1) + scene.gap.square() + _LEAST_SQUARE_M2), off
 
 
-def road_left_m(scene: Scene, along: Tensor) -> Tensor:
+def road_left_m(scene: TokenScene, along: Tensor) -> Tensor:
     """Return where the road's parabola is at ``along`` (B, M), in the tokens' frames."""
     return scene.road[..., 0] + scene.road[..., 1] * along + scene.road[..., 2] * along.square()
 
 
-def off_road_m(scene: Scene, place: Tensor) -> Tensor:
+def off_road_m(scene: TokenScene, place: Tensor) -> Tensor:
     """Return how far places stand off the road, towards the token's side (B, M)."""
     return place[..., 1] - road_left_m(scene, place[..., 0])
 
 
-def step_features(scene: Scene, place: Tensor) -> Tensor:
+def step_features(scene: TokenScene, place: Tensor) -> Tensor:
     """Return what an anchor at a place would leave unexplained at each step (B, M, T, 17)."""
     distance, off = slant_m(scene, place)
     residual = (scene.range - distance) * scene.mask
@@ -150,7 +136,7 @@ def step_features(scene: Scene, place: Tensor) -> Tensor:
     )
 
 
-def token_features(scene: Scene, place: Tensor) -> Tensor:
+def token_features(scene: TokenScene, place: Tensor) -> Tensor:
     """Return what is known of a token as a whole, less the evidence (B, M, 40)."""
     off_road = off_road_m(scene, place)
     slope = scene.road[..., 1] + 2 * scene.road[..., 2] * place[..., 0]
@@ -168,7 +154,7 @@ def token_features(scene: Scene, place: Tensor) -> Tensor:
     )
 
 
-def pair_features(scene: Scene, place: Tensor) -> Tensor:
+def pair_features(scene: TokenScene, place: Tensor) -> Tensor:
     """Return how token j stands to token i, in the frame of i (B, M, M, 15)."""
     common_left = place[..., 1] * scene.side
     ahead = place[..., 0].unsqueeze(1) - place[..., 0].unsqueeze(2)  # (B, i, j)
