@@ -13,7 +13,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "src" / "gaia_uwb"
 
 TABLE = Path(__file__).parents[1] / "docs" / "architecture.md"
-FOLDERS = {"simulate", "datasets", "denoisers", "networks", "reproduce", "wzdx"}
+FOLDERS = {"simulate", "datasets", "denoisers", "models", "networks", "reproduce", "wzdx"}
 
 
 def read_layers() -> dict[str, int]:

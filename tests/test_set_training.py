@@ -13,9 +13,9 @@ pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 
 import torch
 
-from gaia_uwb.checkpoint import CARD, DESCRIPTION, ONNX, WEIGHTS, read_set_description
 from gaia_uwb.errors import ConfigError
-from gaia_uwb.model import SetModelDescription
+from gaia_uwb.models.checkpoint import CARD, DESCRIPTION, ONNX, WEIGHTS, read_set_description
+from gaia_uwb.models.description import SetModelDescription
 from gaia_uwb.training_files import CURVES, LOG, STATE
 from killed_runs import kill_training
 from tiny_models import train_tiny_set

@@ -13,11 +13,11 @@ pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 
 import torch
 
-from gaia_uwb.checkpoint import DESCRIPTION, ONNX, WEIGHTS, read_description, read_weights
 from gaia_uwb.errors import ConfigError, InputError
-from gaia_uwb.features import make_features
 from gaia_uwb.learning_sets import LearningSets
-from gaia_uwb.model import GaiaOptions, MlpOptions, TrainingOptions
+from gaia_uwb.models.checkpoint import DESCRIPTION, ONNX, WEIGHTS, read_description, read_weights
+from gaia_uwb.models.description import GaiaOptions, MlpOptions, TrainingOptions
+from gaia_uwb.models.window_inputs import make_features
 from gaia_uwb.networks import make_network
 from gaia_uwb.training import BASE
 from gaia_uwb.training_files import CURVES, LOG, STATE

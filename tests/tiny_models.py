@@ -11,7 +11,7 @@ import numpy as np
 
 from gaia_uwb.episode import Episode, EpisodeTruth
 from gaia_uwb.learning_sets import LearningSets
-from gaia_uwb.model import (
+from gaia_uwb.models.description import (
     GaiaOptions,
     GaiaSetOptions,
     MlpOptions,
@@ -22,7 +22,7 @@ from gaia_uwb.model import (
 )
 
 if TYPE_CHECKING:
-    from gaia_uwb.model import ModelDescription, SetModelDescription
+    from gaia_uwb.models.description import ModelDescription, SetModelDescription
 
 N_ANCHORS = 3
 N_STEPS = 8

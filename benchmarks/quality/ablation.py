@@ -18,7 +18,7 @@ from pathlib import Path
 import _tally
 from gaia_uwb import __version__
 from gaia_uwb.files import OutputFolder
-from gaia_uwb.model import GaiaSetOptions, SetModelDescription, SetTrainingOptions
+from gaia_uwb.models.description import GaiaSetOptions, SetModelDescription, SetTrainingOptions
 
 PAGE = Path(__file__).parents[2] / "docs" / "gaia-set-ablation.md"
 ADAMW = "AdamW for all weights, no Muon"

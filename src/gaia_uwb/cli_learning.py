@@ -107,7 +107,7 @@ def _train_set(
     """Train ``gaia-set``, which has one mixture of simulated scenes and no splits."""
     from gaia_uwb.errors import ConfigError
     from gaia_uwb.files import OutputFolder
-    from gaia_uwb.model import GaiaSetOptions, SetTrainingOptions
+    from gaia_uwb.models.description import GaiaSetOptions, SetTrainingOptions
     from gaia_uwb.set_training import SetTask, train_set
 
     if data != "sim:mixed" or strange:

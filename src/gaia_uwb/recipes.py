@@ -14,7 +14,7 @@ from gaia_uwb._text import shown
 from gaia_uwb.config import Settings, settings_problems
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.learning_sets import LearningSetOptions
-from gaia_uwb.model import (
+from gaia_uwb.models.description import (
     GaiaOptions,
     MlpOptions,
     NetworkOptions,

@@ -19,7 +19,7 @@ from torch import Tensor, nn
 
 from gaia_uwb.errors import ConfigError
 from gaia_uwb.files import OutputFolder
-from gaia_uwb.model import GaiaSetOptions, SetModelDescription, SetTrainingOptions
+from gaia_uwb.models.description import GaiaSetOptions, SetModelDescription, SetTrainingOptions
 from gaia_uwb.networks.gaia_set import GaiaSet
 from gaia_uwb.networks.set_export import export_set_onnx
 from gaia_uwb.networks.set_losses import (

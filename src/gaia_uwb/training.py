@@ -19,14 +19,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from gaia_uwb.checkpoint import read_description, read_weights
-from gaia_uwb.corrections import plausible_correction_m
 from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError, InputError
-from gaia_uwb.features import make_features, make_targets
 from gaia_uwb.files import OutputFolder
 from gaia_uwb.learning_sets import LearningSets
-from gaia_uwb.model import (
+from gaia_uwb.models.checkpoint import read_description, read_weights
+from gaia_uwb.models.description import (
     Domain,
     GaiaOptions,
     ModelDescription,
@@ -36,6 +34,8 @@ from gaia_uwb.model import (
     TrainingOptions,
     per_step,
 )
+from gaia_uwb.models.plausible_correction import plausible_correction_m
+from gaia_uwb.models.window_inputs import make_features, make_targets
 from gaia_uwb.networks import Gaia, make_network
 from gaia_uwb.networks.augmentation import varied
 from gaia_uwb.networks.export import export_onnx

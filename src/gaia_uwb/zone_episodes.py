@@ -23,10 +23,10 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Float64, Int64
 from gaia_uwb.episode import bias_basis
+from gaia_uwb.models.zone_inputs import ZoneInputs, ZoneReadings, zone_inputs
 from gaia_uwb.simulate import find_preset
 from gaia_uwb.simulate.blocks import EpisodeBlock, simulate_blocks
 from gaia_uwb.simulate.roaming import simulate_roaming
-from gaia_uwb.zone_inputs import ZoneInputs, ZoneReadings, zone_inputs
 
 __all__ = ["MIX", "ZoneBatch", "training_portion", "validation_portion"]
 

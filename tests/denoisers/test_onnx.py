@@ -4,9 +4,9 @@ import os
 
 import pytest
 
-from gaia_uwb.checkpoint import ONNX, find_model
 from gaia_uwb.denoisers._onnx import start_session
 from gaia_uwb.errors import ConfigError
+from gaia_uwb.models.checkpoint import ONNX, find_model
 
 
 @pytest.mark.parametrize(

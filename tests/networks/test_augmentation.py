@@ -7,8 +7,8 @@ pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 import numpy as np
 import torch
 
-from gaia_uwb.features import make_features, make_targets
-from gaia_uwb.model import Normalisation
+from gaia_uwb.models.description import Normalisation
+from gaia_uwb.models.window_inputs import make_features, make_targets
 from gaia_uwb.networks.augmentation import varied
 from gaia_uwb.networks.losses import Batch
 from tiny_models import TrainingOptions, make_run

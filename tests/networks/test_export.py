@@ -11,7 +11,7 @@ import numpy as np
 import onnxruntime
 import torch
 
-from gaia_uwb.features import Features
+from gaia_uwb.models.window_inputs import Features
 from gaia_uwb.networks.export import INPUTS, export_onnx
 from tiny_models import NETWORKS
 

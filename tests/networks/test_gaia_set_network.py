@@ -10,11 +10,11 @@ pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 import torch
 from torch import Tensor
 
-from gaia_uwb.model import GaiaSetOptions
+from gaia_uwb.models.description import GaiaSetOptions
+from gaia_uwb.models.zone_inputs import ZoneInputs
 from gaia_uwb.networks.gaia_set import GaiaSet, ZonePrediction
 from gaia_uwb.networks.set_heads import Prior, gauss_newton, side_probability
 from gaia_uwb.networks.zone_tokens import make_token_scene
-from gaia_uwb.zone_inputs import ZoneInputs
 
 SMALL = GaiaSetOptions(channels=6, width=8, layers=1)
 

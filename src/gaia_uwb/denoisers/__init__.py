@@ -124,7 +124,7 @@ def denoiser_identity(name: str) -> list[Any]:
     ConfigError
         Like :func:`make_denoiser`.
     """
-    from gaia_uwb.checkpoint import DESCRIPTION, find_model
+    from gaia_uwb.models.checkpoint import DESCRIPTION, find_model
 
     kind = name.partition(":")[0]
     options = make_denoiser(name).options.model_dump()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from torch import nn
 
-from gaia_uwb.model import GaiaOptions, MlpOptions, NetworkOptions, PoseMlpOptions
+from gaia_uwb.models.description import GaiaOptions, MlpOptions, NetworkOptions, PoseMlpOptions
 from gaia_uwb.networks.gaia import Gaia
 from gaia_uwb.networks.mlp import Mlp
 from gaia_uwb.networks.pose_mlp import PoseMlp
@@ -28,7 +28,7 @@ def make_network(n_anchors: int, options: NetworkOptions) -> nn.Module:
 
     Examples
     --------
-    >>> from gaia_uwb.model import GaiaOptions
+    >>> from gaia_uwb.models.description import GaiaOptions
     >>> network = make_network(12, GaiaOptions())
     >>> sum(weights.numel() for weights in network.parameters())
     162940

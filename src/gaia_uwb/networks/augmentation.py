@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gaia_uwb.model import TrainingOptions
+from gaia_uwb.models.description import TrainingOptions
 from gaia_uwb.networks.losses import Batch
 
 

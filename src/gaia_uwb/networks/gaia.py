@@ -22,7 +22,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from gaia_uwb.model import GaiaOptions, PoseMlpOptions
+from gaia_uwb.models.description import GaiaOptions, PoseMlpOptions
 from gaia_uwb.networks.layers import Prediction, three_layers
 from gaia_uwb.networks.pose_mlp import PoseMlp
 

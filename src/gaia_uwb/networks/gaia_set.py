@@ -35,7 +35,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from gaia_uwb.model import GaiaSetOptions
+from gaia_uwb.models.description import GaiaSetOptions
+from gaia_uwb.models.zone_inputs import ZoneInputs
 from gaia_uwb.networks.set_blocks import PAIR_WIDTH, Attention, TemporalEncoder, two_layers
 from gaia_uwb.networks.set_heads import (
     PlaceHead,
@@ -56,7 +57,6 @@ from gaia_uwb.networks.zone_tokens import (
     to_tokens,
     token_features,
 )
-from gaia_uwb.zone_inputs import ZoneInputs
 
 _TAILS = 4.0  # degrees of freedom of the ranges' errors
 
@@ -110,7 +110,7 @@ class GaiaSet(nn.Module):
         self.side_head = SideHead(options.width)
 
     def forward(self, *inputs: Tensor) -> ZonePrediction:
-        """Denoise and locate a batch; inputs like :class:`gaia_uwb.zone_inputs.ZoneInputs`."""
+        """Denoise and locate a batch; inputs in the order of ``ZoneInputs``."""
         return self.predictions(*inputs)[-1]
 
     def predictions(self, *inputs: Tensor) -> list[ZonePrediction]:

@@ -9,10 +9,10 @@ import numpy as np
 import torch
 
 from gaia_uwb._typing import Array, Float64
-from gaia_uwb.checkpoint import read_description, read_weights
 from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError
-from gaia_uwb.features import make_features
+from gaia_uwb.models.checkpoint import read_description, read_weights
+from gaia_uwb.models.window_inputs import make_features
 from gaia_uwb.networks.gaia import Gaia
 
 

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from gaia_uwb.model import TrainingOptions
+from gaia_uwb.models.description import TrainingOptions
 from gaia_uwb.networks.layers import Prediction
 from gaia_uwb.networks.multilateration import multilaterate
 
@@ -19,7 +19,7 @@ _AT_LEAST_ONE = 1e-6  # so that a batch without anything to count has loss 0
 
 
 class Batch(NamedTuple):
-    """Inputs and targets of some episodes, like :mod:`gaia_uwb.features`, as tensors.
+    """Inputs and targets of some episodes, like :mod:`gaia_uwb.models.window_inputs`, as tensors.
 
     An anchor whose true place is unknown has NaN there: the geometry terms pass over it.
     """

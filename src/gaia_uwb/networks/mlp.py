@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
-from gaia_uwb.model import MlpOptions
+from gaia_uwb.models.description import MlpOptions
 from gaia_uwb.networks.layers import Prediction, three_layers
 
 

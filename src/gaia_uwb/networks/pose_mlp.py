@@ -8,7 +8,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from gaia_uwb.model import PoseMlpOptions
+from gaia_uwb.models.description import PoseMlpOptions
 from gaia_uwb.networks.layers import Prediction, three_layers
 
 

@@ -19,7 +19,7 @@ from gaia_uwb.config import (
     SolverConfig,
 )
 from gaia_uwb.denoisers import DENOISERS
-from gaia_uwb.model import GaiaOptions, NetworkOptions
+from gaia_uwb.models.description import GaiaOptions, NetworkOptions
 from gaia_uwb.recipes import ABLATIONS, KINDS, Recipe, make_recipe
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
 from gaia_uwb.stressors import STRESSORS, Stressor

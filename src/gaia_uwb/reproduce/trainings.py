@@ -16,11 +16,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gaia_uwb.checkpoint import DESCRIPTION, read_description
 from gaia_uwb.episode import Episode
 from gaia_uwb.files import OutputFolder
 from gaia_uwb.learning_sets import LearningSetOptions, LearningSets, logged_sets, simulated_sets
-from gaia_uwb.model import GaiaOptions, Normalisation
+from gaia_uwb.models.checkpoint import DESCRIPTION, read_description
+from gaia_uwb.models.description import GaiaOptions, Normalisation
 from gaia_uwb.recipes import Recipe
 from gaia_uwb.reproduce.digests import code_digest, digest_of, episodes_digest
 from gaia_uwb.reproduce.jobs import Job
@@ -29,12 +29,14 @@ from gaia_uwb.reproduce.plan import TRAINING_PRESET, Plan
 MODELS = "models"
 """Folder of all models, inside that of the results."""
 STAMP = "training.json"
-_CODE = ("training", "features", "corrections", "networks.losses", "networks.augmentation",
-         "networks.export")  # fmt: skip
+_CODE = (
+    "training", "models.window_inputs", "models.plausible_correction", "networks.losses",
+    "networks.augmentation", "networks.export",
+)  # fmt: skip
 # What a training imports for its files and pictures, and what the key holds the values of.
 _NOT_FOLLOWED = (
-    "bootstrap", "config", "episode", "errors", "files", "learning_sets", "loss_plots", "model",
-    "model_card", "networks", "plots", "training_files", "_typing",
+    "bootstrap", "config", "episode", "errors", "files", "learning_sets", "loss_plots",
+    "models.card", "models.description", "networks", "plots", "training_files", "_typing",
 )  # fmt: skip
 
 # Seconds on one thread; only the order of the jobs and the time left depend on them.

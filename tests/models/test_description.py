@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from gaia_uwb.errors import InputError
-from gaia_uwb.model import (
+from gaia_uwb.models.description import (
     Domain,
     GaiaOptions,
     ModelDescription,

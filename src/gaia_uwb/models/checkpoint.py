@@ -1,7 +1,7 @@
 """A trained model as files: written whole, loaded strictly, never unpickled.
 
 =======================  ==========================================================
-``model.json``           what it is, with checksums: a description of :mod:`gaia_uwb.model`
+``model.json``           what it is, with checksums: see ``description.py``
 ``model.onnx``           the network for ONNX Runtime, dynamic batch and length
 ``weights.safetensors``  its weights, to train on or to look at
 ``MODEL_CARD.md``        what it is, what it was trained on, its scores, its limits
@@ -23,7 +23,7 @@ from pydantic import ValidationError
 
 from gaia_uwb._typing import Array
 from gaia_uwb.errors import ConfigError
-from gaia_uwb.model import SCHEMA, ModelDescription, SetModelDescription
+from gaia_uwb.models.description import SCHEMA, ModelDescription, SetModelDescription
 
 DESCRIPTION = "model.json"
 ONNX = "model.onnx"
@@ -35,7 +35,7 @@ _LARGEST_BYTES = 1 << 30  # a larger file is none of ours
 
 def shipped_models() -> dict[str, Path]:
     """Return the folders of the models inside the package, by name (``gaia-stress``)."""
-    base = Path(str(files("gaia_uwb") / "models"))
+    base = Path(str(files("gaia_uwb") / "models" / "shipped"))
     return {path.parent.name: path.parent for path in sorted(base.glob(f"*/{DESCRIPTION}"))}
 
 

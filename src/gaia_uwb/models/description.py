@@ -264,8 +264,8 @@ class ModelDescription(Settings):
     sigma_m: float = Field(gt=0)
     """Root mean square range error on the validation data."""
     plausible_correction_m: float | None = Field(default=None, gt=0)
-    """Networks with a layout: a window that is corrected farther (``corrections.py``) was taken for
-    one of another layout, and gets a running median instead."""
+    """Networks with a layout: a window that is corrected farther (``plausible_correction.py``) was
+    taken for one of another layout, and gets a running median instead."""
     data: dict[str, Any]
     """What it was trained on."""
     training: TrainingOptions

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 
 from gaia_uwb import evaluate
-from gaia_uwb.checkpoint import (
+from gaia_uwb.config import PipelineConfig
+from gaia_uwb.denoisers import make_denoiser
+from gaia_uwb.metrics import aggregate
+from gaia_uwb.models.card import model_card, set_model_card
+from gaia_uwb.models.checkpoint import (
     CARD,
     read_description,
     read_set_description,
     read_weights,
     shipped_models,
 )
-from gaia_uwb.config import PipelineConfig
-from gaia_uwb.denoisers import make_denoiser
-from gaia_uwb.features import make_features
-from gaia_uwb.metrics import aggregate
-from gaia_uwb.model_card import model_card, set_model_card
+from gaia_uwb.models.window_inputs import make_features
+from gaia_uwb.models.zone_inputs import zone_inputs, zone_readings
 from gaia_uwb.simulate import find_preset, simulate_episodes
-from gaia_uwb.zone_inputs import zone_inputs, zone_readings
 
 SETS = {name: path for name, path in shipped_models().items() if name.startswith("gaia-set-")}
 MODELS = {name: path for name, path in shipped_models().items() if name not in SETS}

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gaia_uwb.path_frame import PathFrame, road_parabola
+from gaia_uwb.models.path_frame import PathFrame, road_parabola
 
 
 def bent_path(seed: int) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gaia_uwb.corrections import largest_median_correction_m, plausible_correction_m
+from gaia_uwb.models.plausible_correction import largest_median_correction_m, plausible_correction_m
 from tiny_models import make_run
 
 

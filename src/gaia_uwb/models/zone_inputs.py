@@ -14,8 +14,8 @@ import numpy as np
 
 from gaia_uwb._typing import Array, Bool, Float32, Float64
 from gaia_uwb.episode import Episode
+from gaia_uwb.models.path_frame import PathFrame, road_parabola
 from gaia_uwb.multilateration import SolverOptions, solve
-from gaia_uwb.path_frame import PathFrame, road_parabola
 
 __all__ = ["ZoneInputs", "ZoneReadings", "zone_inputs", "zone_readings"]
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gaia_uwb.errors import InputError
-from gaia_uwb.features import blend, make_features, make_targets, window_starts
-from gaia_uwb.model import Normalisation
+from gaia_uwb.models.description import Normalisation
+from gaia_uwb.models.window_inputs import blend, make_features, make_targets, window_starts
 from tiny_models import make_run
 
 NORMALISATION = Normalisation(origin_east_m=3.0, origin_north_m=-4.0, scale_m=12.5)

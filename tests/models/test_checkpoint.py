@@ -11,7 +11,8 @@ import pytest
 
 pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 
-from gaia_uwb.checkpoint import (
+from gaia_uwb.errors import ConfigError
+from gaia_uwb.models.checkpoint import (
     DESCRIPTION,
     ONNX,
     WEIGHTS,
@@ -22,7 +23,6 @@ from gaia_uwb.checkpoint import (
     read_weights,
     unpack,
 )
-from gaia_uwb.errors import ConfigError
 from tiny_models import NETWORKS, train_tiny
 
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from gaia_uwb.episode import Episode
+from gaia_uwb.models.zone_inputs import zone_inputs, zone_readings
 from gaia_uwb.simulate import find_preset, simulate_episodes
-from gaia_uwb.zone_inputs import zone_inputs, zone_readings
 
 
 def episodes(n_anchors: int = 6, n: int = 4) -> list[Episode]:

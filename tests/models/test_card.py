@@ -1,7 +1,13 @@
 from __future__ import annotations
 
-from gaia_uwb.model import Domain, GaiaOptions, ModelDescription, Normalisation, TrainingOptions
-from gaia_uwb.model_card import model_card
+from gaia_uwb.models.card import model_card
+from gaia_uwb.models.description import (
+    Domain,
+    GaiaOptions,
+    ModelDescription,
+    Normalisation,
+    TrainingOptions,
+)
 from tiny_models import make_run
 
 

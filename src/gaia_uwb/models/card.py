@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gaia_uwb.model import (
+from gaia_uwb.models.description import (
     SET_FARTHEST_M,
     SET_LONGEST_STEPS,
     SET_MOST_ANCHORS,
