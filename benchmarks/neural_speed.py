@@ -41,7 +41,7 @@ def main() -> None:
     import onnxruntime
     import torch
 
-    from gaia_uwb.networks import make_network
+    from gaia_uwb.learn.networks import make_network
 
     episodes = stress_windows(chosen.windows)
     folder = find_model(kind, model)

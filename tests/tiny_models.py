@@ -10,7 +10,7 @@ from unittest.mock import patch
 import numpy as np
 
 from gaia_uwb.episode import Episode, EpisodeTruth
-from gaia_uwb.learning_sets import LearningSets
+from gaia_uwb.learn.window_sets import LearningSets
 from gaia_uwb.models.description import (
     GaiaOptions,
     GaiaSetOptions,
@@ -79,15 +79,17 @@ def train_tiny(
 ) -> ModelDescription:
     """Train; drawing the loss curves takes far longer than all else, so they are left out."""
     from gaia_uwb.files import OutputFolder
-    from gaia_uwb.training import Task, train
+    from gaia_uwb.learn.window_training import Task, train
 
     settings = TrainingOptions(**({"epochs": 2, "batch_size": 4} | training))
     task = Task(network, settings, make_sets() if sets is None else sets, "0.0")
     more = {} if progress is None else {"progress": progress}
     with ExitStack() as stack:
         if not curves:
-            stack.enter_context(patch("gaia_uwb.training_files.plot_losses"))
-            stack.enter_context(patch("gaia_uwb.training_files.figure_png", return_value=b""))
+            stack.enter_context(patch("gaia_uwb.learn.training_folder.plot_losses"))
+            stack.enter_context(
+                patch("gaia_uwb.learn.training_folder.figure_png", return_value=b"")
+            )
         return train(task, OutputFolder(folder), base=base, **more)
 
 
@@ -96,7 +98,7 @@ def train_tiny_set(
 ) -> SetModelDescription:
     """Train a small ``gaia-set`` for a moment; without the loss curves, like ``train_tiny``."""
     from gaia_uwb.files import OutputFolder
-    from gaia_uwb.set_training import SetTask, train_set
+    from gaia_uwb.learn.zone_training import SetTask, train_set
 
     settings = {"portions": 2, "portion_episodes": 16, "validation_episodes": 8, "warm_up_steps": 4}
     task = SetTask(
@@ -107,6 +109,8 @@ def train_tiny_set(
     watch = {} if progress is None else {"progress": progress}
     with ExitStack() as stack:
         if not curves:
-            stack.enter_context(patch("gaia_uwb.training_files.plot_losses"))
-            stack.enter_context(patch("gaia_uwb.training_files.figure_png", return_value=b""))
+            stack.enter_context(patch("gaia_uwb.learn.training_folder.plot_losses"))
+            stack.enter_context(
+                patch("gaia_uwb.learn.training_folder.figure_png", return_value=b"")
+            )
         return train_set(task, OutputFolder(folder), **watch)

@@ -81,7 +81,7 @@ def optimised(options: SetTrainingOptions, variant: str) -> SetTrainingOptions:
 
 def train(network: GaiaSetOptions, options: SetTrainingOptions, place: Path) -> SetModelDescription:
     """Train a variant."""
-    from gaia_uwb.set_training import SetTask, train_set
+    from gaia_uwb.learn.zone_training import SetTask, train_set
 
     return train_set(SetTask(network, options, __version__), OutputFolder(place))
 

@@ -20,7 +20,7 @@ import numpy as np
 from gaia_uwb.denoisers import make_denoiser
 from gaia_uwb.denoisers.neural import Neural
 from gaia_uwb.episode import DenoisedRanges, Episode
-from gaia_uwb.learning_sets import (
+from gaia_uwb.learn.window_sets import (
     LearningSetOptions,
     LearningSets,
     logged_sets,

@@ -14,8 +14,8 @@ from gaia_uwb.cli_options import DataDirOption, require_torch, version
 from gaia_uwb.terminal import progress_bar, track
 
 if TYPE_CHECKING:
-    from gaia_uwb.learning_sets import LearningSets
-    from gaia_uwb.recipes import Recipe
+    from gaia_uwb.learn.recipes import Recipe
+    from gaia_uwb.learn.window_sets import LearningSets
 
 
 class Network(StrEnum):
@@ -69,15 +69,15 @@ def train(
 ) -> None:
     """Train a network; call it again to go on where it was stopped."""
     from gaia_uwb.files import OutputFolder
-    from gaia_uwb.recipes import KINDS, load_recipe, make_recipe
+    from gaia_uwb.learn.recipes import KINDS, load_recipe, make_recipe
 
     require_torch()
     if network is Network.GAIA_SET:
         others = {"--split": split != "all", "--base": base, "--recipe": recipe}
         _train_set(data, out, seed, portions, [name for name, given in others.items() if given])
         return
-    from gaia_uwb.training import Task
-    from gaia_uwb.training import train as run
+    from gaia_uwb.learn.window_training import Task
+    from gaia_uwb.learn.window_training import train as run
 
     chosen = make_recipe(KINDS[network.value], simulated=data.startswith("sim:")).with_seed(seed)
     sets_options = chosen.sets.model_copy(update={"preparation": preparation.value})
@@ -107,8 +107,8 @@ def _train_set(
     """Train ``gaia-set``, which has one mixture of simulated scenes and no splits."""
     from gaia_uwb.errors import ConfigError
     from gaia_uwb.files import OutputFolder
+    from gaia_uwb.learn.zone_training import SetTask, train_set
     from gaia_uwb.models.description import GaiaSetOptions, SetTrainingOptions
-    from gaia_uwb.set_training import SetTask, train_set
 
     if data != "sim:mixed" or strange:
         what = ", ".join(strange) or f"--data {data}"
@@ -130,9 +130,9 @@ def _train_set(
 
 def _learning_sets(data: str, split: str, recipe: Recipe, data_dir: Path | None) -> LearningSets:
     """Return what to train on."""
-    from gaia_uwb.api import load_scenes
     from gaia_uwb.errors import ConfigError
-    from gaia_uwb.learning_sets import logged_sets, prepare_runs, simulated_sets
+    from gaia_uwb.learn.window_sets import logged_sets, prepare_runs, simulated_sets
+    from gaia_uwb.sources import load_scenes
 
     name, _, part = data.partition(":")
     if name == "sim":

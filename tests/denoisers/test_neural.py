@@ -19,6 +19,7 @@ from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoisers import make_denoiser
 from gaia_uwb.episode import DenoisedRanges, Episode
 from gaia_uwb.errors import ConfigError, InputError
+from gaia_uwb.learn.networks import make_network
 from gaia_uwb.models.checkpoint import (
     DESCRIPTION,
     ONNX,
@@ -30,7 +31,6 @@ from gaia_uwb.models.checkpoint import (
 from gaia_uwb.models.description import GaiaOptions
 from gaia_uwb.models.plausible_correction import largest_median_correction_m
 from gaia_uwb.models.window_inputs import blend, make_features, window_starts
-from gaia_uwb.networks import make_network
 from gaia_uwb.pipeline import reconstruct_episodes
 from tiny_models import NETWORKS, make_run, make_sets, train_tiny
 
@@ -254,7 +254,7 @@ from gaia_uwb.episode import Episode
 from gaia_uwb.pipeline import reconstruct_episodes
 run = Episode(name="run", anchor_ids=("a", "b", "c"), **np.load({str(tmp_path / "run.npz")!r}))
 (found,) = reconstruct_episodes([run], PipelineConfig(denoiser={f"gaia:{models['gaia']}"!r}))
-heavy = set(sys.modules) & {{"torch", "onnx", "safetensors", "gaia_uwb.networks"}}
+heavy = set(sys.modules) & {{"torch", "onnx", "safetensors", "gaia_uwb.learn.networks"}}
 print(json.dumps([sorted(heavy), len(found.anchors)]))
 """
     done = subprocess.run(

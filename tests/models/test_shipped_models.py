@@ -43,7 +43,7 @@ def test_a_model_is_small_and_its_card_is_that_of_its_description(folder: Path) 
 @pytest.mark.parametrize("folder", MODELS.values(), ids=MODELS)
 def test_onnx_is_the_network_of_the_weights(folder: Path) -> None:
     torch = pytest.importorskip("torch", reason="PyTorch is not installed")
-    from gaia_uwb.networks import make_network
+    from gaia_uwb.learn.networks import make_network
 
     description = read_description(folder)
     n = description.n_anchors
@@ -77,7 +77,7 @@ def test_a_set_model_is_whole_and_small(folder: Path) -> None:
 @pytest.mark.parametrize("folder", SETS.values(), ids=SETS)
 def test_the_set_models_onnx_is_the_network_of_its_weights(folder: Path) -> None:
     torch = pytest.importorskip("torch", reason="PyTorch is not installed")
-    from gaia_uwb.networks.gaia_set import GaiaSet
+    from gaia_uwb.learn.networks.gaia_set import GaiaSet
 
     description = read_set_description(folder)
     network = GaiaSet(description.network).eval()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gaia_uwb.recipes import ABLATIONS, KINDS
+from gaia_uwb.learn.recipes import ABLATIONS, KINDS
 from gaia_uwb.reproduce import plan as plans
 from gaia_uwb.reproduce.plan import (
     BASELINES,

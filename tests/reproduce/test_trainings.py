@@ -10,7 +10,7 @@ import pytest
 from tiny import TINY
 
 from gaia_uwb.errors import ConfigError
-from gaia_uwb.recipes import KINDS
+from gaia_uwb.learn.recipes import KINDS
 from gaia_uwb.reproduce import trainings
 from gaia_uwb.reproduce.jobs import run_jobs
 from gaia_uwb.reproduce.trainings import (
@@ -74,7 +74,7 @@ def test_a_model_without_a_note_is_taken_up_if_it_is_of_the_same_training(tmp_pa
 def test_a_training_that_was_stopped_goes_on_to_the_same_weights(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from gaia_uwb import training as module
+    from gaia_uwb.learn import window_training as module
 
     plan, real = replace(TINY, epochs=2), module.train
     recipe = plan.recipe(KINDS["mlp"], 0)

@@ -193,7 +193,7 @@ def _span(value: np.ndarray) -> tuple[float, float]:
 
 
 class TrainingOptions(Settings):
-    """How a model is trained (``training.py``)."""
+    """How a model is trained (``learn/window_training.py``)."""
 
     seed: int = Field(default=0, ge=0)
     """Of the weights at the start, of the batches' order and of the pose noise."""
@@ -278,7 +278,7 @@ class ModelDescription(Settings):
 
 
 class SetTrainingOptions(Settings):
-    """How ``gaia-set`` is trained (``set_training.py``)."""
+    """How ``gaia-set`` is trained (``learn/zone_training.py``)."""
 
     seed: int = Field(default=0, ge=0)
     """Of the weights at the start and of the scenes."""

@@ -19,7 +19,7 @@ from gaia_uwb.figure_style import figure_files
 from gaia_uwb.files import OutputFolder
 from gaia_uwb.gate_plots import GateRecord, plot_gate
 from gaia_uwb.layout_plots import Zone, plot_layouts
-from gaia_uwb.loss_plots import plot_losses
+from gaia_uwb.learn.loss_plots import plot_losses
 from gaia_uwb.reproduce.formats import QUICK_MARK
 from gaia_uwb.reproduce.plan import METHODS
 from gaia_uwb.reproduce.scores import Row, Table
@@ -183,7 +183,7 @@ def _zone(table: Table, rows: Mapping[str, Row], k: int, title: str) -> Zone:
 
 def _training_log(workshop: Workshop) -> list[dict[str, Any]]:
     """Return the log of GAIA's training on the stress preset."""
-    from gaia_uwb.training_files import LOG
+    from gaia_uwb.learn.training_folder import LOG
 
     seed = workshop.plan.stress_seeds[0]
     path = workshop.models.path / f"gaia-seed{seed}" / LOG
@@ -239,7 +239,7 @@ def _longest_run(table: Table) -> str:
 
 def _record(title: str, windows: Sequence[tuple[Episode, Path]]) -> GateRecord:
     """Put together what networks do to the best-heard anchor of windows in a row."""
-    from gaia_uwb.networks.inspection import gate_and_layout
+    from gaia_uwb.reproduce.inspection import gate_and_layout
 
     heard = np.sum([episode.valid.sum(axis=0) for episode, _ in windows], axis=0)
     anchor = int(np.argmax(heard))

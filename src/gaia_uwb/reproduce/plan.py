@@ -19,8 +19,8 @@ from gaia_uwb.config import (
     SolverConfig,
 )
 from gaia_uwb.denoisers import DENOISERS
+from gaia_uwb.learn.recipes import ABLATIONS, KINDS, Recipe, make_recipe
 from gaia_uwb.models.description import GaiaOptions, NetworkOptions
-from gaia_uwb.recipes import ABLATIONS, KINDS, Recipe, make_recipe
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
 from gaia_uwb.stressors import STRESSORS, Stressor
 

@@ -32,7 +32,7 @@ from gaia_uwb.reproduce.digests import code_digest, digest_of, episodes_digest
 from gaia_uwb.sides import resolve_sides
 
 _CODE = ("pipeline", "locate", "sides", "denoisers", "reproduce.predictions")
-_NOT_FOLLOWED = ("files", "learning_sets", "reproduce.digests", "simulate", "config")
+_NOT_FOLLOWED = ("files", "learn.window_sets", "reproduce.digests", "simulate", "config")
 _STATUSES = tuple(AnchorStatus)
 
 

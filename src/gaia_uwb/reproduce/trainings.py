@@ -18,10 +18,10 @@ from typing import Any
 
 from gaia_uwb.episode import Episode
 from gaia_uwb.files import OutputFolder
-from gaia_uwb.learning_sets import LearningSetOptions, LearningSets, logged_sets, simulated_sets
+from gaia_uwb.learn.recipes import Recipe
+from gaia_uwb.learn.window_sets import LearningSetOptions, LearningSets, logged_sets, simulated_sets
 from gaia_uwb.models.checkpoint import DESCRIPTION, read_description
 from gaia_uwb.models.description import GaiaOptions, Normalisation
-from gaia_uwb.recipes import Recipe
 from gaia_uwb.reproduce.digests import code_digest, digest_of, episodes_digest
 from gaia_uwb.reproduce.jobs import Job
 from gaia_uwb.reproduce.plan import TRAINING_PRESET, Plan
@@ -30,13 +30,14 @@ MODELS = "models"
 """Folder of all models, inside that of the results."""
 STAMP = "training.json"
 _CODE = (
-    "training", "models.window_inputs", "models.plausible_correction", "networks.losses",
-    "networks.augmentation", "networks.export",
+    "learn.window_training", "models.window_inputs", "models.plausible_correction",
+    "learn.networks.window_losses", "learn.networks.augmentation", "learn.networks.export",
 )  # fmt: skip
 # What a training imports for its files and pictures, and what the key holds the values of.
 _NOT_FOLLOWED = (
-    "bootstrap", "config", "episode", "errors", "files", "learning_sets", "loss_plots",
-    "models.card", "models.description", "networks", "plots", "training_files", "_typing",
+    "bootstrap", "config", "episode", "errors", "files", "learn.loss_plots", "learn.networks",
+    "learn.training_folder", "learn.window_sets", "models.card", "models.description", "plots",
+    "_typing",
 )  # fmt: skip
 
 # Seconds on one thread; only the order of the jobs and the time left depend on them.
@@ -166,7 +167,7 @@ def with_bases(trainings: Iterable[Training], plan: Plan) -> list[Training]:
     plan
         Gives the recipe of a base.
     """
-    from gaia_uwb.recipes import KINDS
+    from gaia_uwb.learn.recipes import KINDS
 
     found: dict[Path, Training] = {}
     for training in trainings:
@@ -202,8 +203,8 @@ def train_model(training: Training) -> bool:
         stamp = None
     if stamp is not None and stamp["done"] and (training.place / DESCRIPTION).is_file():
         return False
-    from gaia_uwb.training import Task, train
-    from gaia_uwb.training_files import STATE
+    from gaia_uwb.learn.training_folder import STATE
+    from gaia_uwb.learn.window_training import Task, train
 
     taken_up = stamp is None and (training.place / STATE).is_file()
     note: dict[str, Any] = stamp or {"key": key, "seconds": 0.0, "taken_up": taken_up}
@@ -263,7 +264,10 @@ def _sets(data: Data, options: LearningSetOptions) -> LearningSets:
 
 
 def _key(training: Training, sets: LearningSets) -> str:
-    base, network = training.base, f"networks.{training.recipe.network.kind.replace('-', '_')}"
+    base, network = (
+        training.base,
+        f"learn.networks.{training.recipe.network.kind.replace('-', '_')}",
+    )
     return digest_of(
         {
             "recipe": training.recipe.model_dump(),
@@ -278,7 +282,7 @@ def _key(training: Training, sets: LearningSets) -> str:
 
 def _forget(folder: OutputFolder) -> None:
     """Remove a stale model, so that its state is not taken up."""
-    from gaia_uwb.training_files import STATE
+    from gaia_uwb.learn.training_folder import STATE
 
     for name in (STATE, DESCRIPTION, STAMP):
         folder.remove(name)

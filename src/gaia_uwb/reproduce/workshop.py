@@ -11,7 +11,7 @@ from typing import Any
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.files import OutputFolder
-from gaia_uwb.learning_sets import LearningSetOptions, prepare_runs
+from gaia_uwb.learn.window_sets import LearningSetOptions, prepare_runs
 from gaia_uwb.reproduce.jobs import n_cores, run_jobs
 from gaia_uwb.reproduce.plan import (
     TEST_PRESET,

@@ -1,0 +1,45 @@
+"""``mlp``: a perceptron on the ranges of one step, without the vehicle's pose.
+
+The paper's MLP baseline ("Baseline Selection"): no temporal structure, no pose.
+"""
+
+from __future__ import annotations
+
+from torch import Tensor, nn
+
+from gaia_uwb.learn.networks.layers import Prediction, three_layers
+from gaia_uwb.models.description import MlpOptions
+
+
+class Mlp(nn.Module):
+    """Estimate all ranges of a step from the measured ranges of that step.
+
+    Parameters
+    ----------
+    n_anchors
+        Number of anchors N that the network has channels for.
+    options
+        Its sizes.
+    """
+
+    def __init__(self, n_anchors: int, options: MlpOptions) -> None:
+        super().__init__()
+        self.layers = three_layers(n_anchors, options.hidden, n_anchors)
+
+    def forward(
+        self, position: Tensor, distance: Tensor, mask: Tensor, height_gap: Tensor
+    ) -> Prediction:
+        """Denoise a batch.
+
+        Parameters
+        ----------
+        position
+            (B, T, 2): where the tag's antenna is; not used.
+        distance
+            (B, T, N): measured ranges, 0 where the mask is 0.
+        mask
+            (B, T, N): 1 where there is a range, else 0.
+        height_gap
+            (B, T, N): tag's height minus the anchor's; not used.
+        """
+        return Prediction(self.layers(distance) * mask)

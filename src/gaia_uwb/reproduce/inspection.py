@@ -1,0 +1,58 @@
+"""What happens inside a trained GAIA, for figures: its gate and its layout's distances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from gaia_uwb._typing import Array, Float64
+from gaia_uwb.episode import Episode
+from gaia_uwb.errors import ConfigError
+from gaia_uwb.learn.networks.gaia import Gaia
+from gaia_uwb.models.checkpoint import read_description, read_weights
+from gaia_uwb.models.window_inputs import make_features
+
+
+def gate_and_layout(
+    folder: Path, windows: Sequence[Episode]
+) -> tuple[Float64[Array, "B T N"], Float64[Array, "B T N"]]:
+    """Return a model's gate, and the distances of its layout in metres.
+
+    Parameters
+    ----------
+    folder
+        Of a trained ``gaia`` with a layout.
+    windows
+        Episodes of one length, of at most as many anchors as the model has channels for.
+
+    Returns
+    -------
+    gate : (B, T, N)
+        Share of the corrected range in the result; the rest is the layout's distance.
+    layout_m : (B, T, N)
+        Distances of the layout; N is the number of the model's channels.
+
+    Raises
+    ------
+    ConfigError
+        If the model has no gate.
+    """
+    description = read_description(folder)
+    options = description.network
+    if options.kind != "gaia" or not (options.layout_head and options.geo_dist):
+        raise ConfigError(f"{folder}: expected a gaia with a gate, got {options!r}")
+    network = Gaia(description.n_anchors, options)
+    weights = read_weights(folder, description)
+    network.load_state_dict({name: torch.from_numpy(v.copy()) for name, v in weights.items()})
+    network.eval()
+    features = make_features(windows, description.n_anchors, description.normalisation)
+    with torch.no_grad():
+        found = network(*map(torch.from_numpy, features))
+    scale_m = description.normalisation.scale_m
+    return (
+        found.gate.numpy().astype(np.float64),
+        found.layout_distance.numpy().astype(np.float64) * scale_m,
+    )
