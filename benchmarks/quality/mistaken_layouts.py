@@ -1,7 +1,7 @@
 """Which limit tells a mistaken layout best: a comparison on validation windows.
 
     gaia reproduce all --out OUT
-    python benchmarks/mistaken_layouts.py OUT/models
+    python benchmarks/quality/mistaken_layouts.py OUT/models
 
 A window that GAIA corrects farther than the limit gets a running median. The limit is a multiple of
 a quantile of what the training windows need (``plausible_correction.py``). Each model is looked at
@@ -17,9 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
+from gaia_uwb.api import load_scenes
+from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers import make_denoiser
 from gaia_uwb.denoisers.neural import Neural
-from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.episode import Episode
 from gaia_uwb.learn.window_sets import (
     LearningSetOptions,
     LearningSets,
@@ -29,7 +31,6 @@ from gaia_uwb.learn.window_sets import (
     simulated_sets,
 )
 from gaia_uwb.models.plausible_correction import largest_median_correction_m, needed_corrections_m
-from gaia_uwb.sources import load_scenes
 
 SHARES, TIMES = (0.98, 0.99, 0.995, 0.999, 1.0), (1.0, 1.25, 1.5, 2.0)
 

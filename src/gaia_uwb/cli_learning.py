@@ -130,9 +130,9 @@ def _train_set(
 
 def _learning_sets(data: str, split: str, recipe: Recipe, data_dir: Path | None) -> LearningSets:
     """Return what to train on."""
+    from gaia_uwb.api import load_scenes
     from gaia_uwb.errors import ConfigError
     from gaia_uwb.learn.window_sets import logged_sets, prepare_runs, simulated_sets
-    from gaia_uwb.sources import load_scenes
 
     name, _, part = data.partition(":")
     if name == "sim":

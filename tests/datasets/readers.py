@@ -19,20 +19,23 @@ from good_logs import LOGS, write_own
 from outdoor_files import ROW, SUMMARY, write_run, write_static
 
 from gaia_uwb._text import written_out
+from gaia_uwb.api import load_scenes
 from gaia_uwb.cli import app
 from gaia_uwb.config import PipelineConfig, dump_config, load_config
-from gaia_uwb.datasets.check import CheckReport, check_outdoor_static
+from gaia_uwb.datasets.check import CheckReport
 from gaia_uwb.datasets.episodes import read_episodes, write_episodes
+from gaia_uwb.datasets.outdoor_check import check_outdoor_static
 from gaia_uwb.denoisers import make_denoiser
 from gaia_uwb.errors import GaiaError
 from gaia_uwb.fleet import find_zones, reconstruct_zone
 from gaia_uwb.geojson import boundary_geojson
 from gaia_uwb.learn.recipes import KINDS, load_recipe, make_recipe
-from gaia_uwb.pipeline import Reconstruction, reconstruct
+from gaia_uwb.pipeline import reconstruct
+from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.report import make_report
 from gaia_uwb.scene import Scene
 from gaia_uwb.simulate import PRESETS, find_preset, simulate_episodes, simulate_pass
-from gaia_uwb.sources import check_source, load_scenes
+from gaia_uwb.source_check import check_source
 from gaia_uwb.wzdx import make_feed_config, make_feeds, write_feeds, zone_of
 
 SCHEMAS = Path(__file__).parents[3] / "shared" / "schemas"

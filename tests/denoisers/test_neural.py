@@ -16,9 +16,11 @@ pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 import torch
 
 from gaia_uwb.config import PipelineConfig
+from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers import make_denoiser
-from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError, InputError
+from gaia_uwb.estimate import ReasonKind
 from gaia_uwb.learn.networks import make_network
 from gaia_uwb.models.checkpoint import (
     DESCRIPTION,
@@ -162,11 +164,12 @@ def test_a_path_outside_the_training_data_is_unreliable(models: dict[str, Path])
     denoiser = make_denoiser(name)
     assert denoiser.notes(run) == ()
     (note,) = denoiser.notes(elsewhere)
-    assert note.startswith("gaia:")
-    assert "100% of the path lies outside" in note
+    assert note.kind is ReasonKind.OUTSIDE_TRAINING
+    assert str(note).startswith("gaia:")
+    assert "100% of the path lies outside" in str(note)
     fewer = make_run(3, n_steps=WINDOW, n_anchors=2)
     (note_of_fewer,) = denoiser.notes(fewer)
-    assert "trained with 3 anchors, this log has 2" in note_of_fewer
+    assert "trained with 3 anchors, this log has 2" in str(note_of_fewer)
     found = reconstruct_episodes([run, elsewhere], PipelineConfig(denoiser=name))
     assert note not in found[0].reasons
     assert note in found[1].reasons

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gaia_uwb.denoised import DenoisedRanges, ZonePosterior
 from gaia_uwb.denoisers._pieces import Piece, pieces_of, put_together, sections
-from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.episode import Episode
 from gaia_uwb.models.description import SET_FARTHEST_M, SET_LONGEST_STEPS, SET_MOST_ANCHORS
-from gaia_uwb.zone_posterior import ZonePosterior
 
 
 def drive(step_m: np.ndarray, anchors_at: list[int], reach: int = 150) -> Episode:

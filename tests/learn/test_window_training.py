@@ -1,13 +1,9 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +21,7 @@ from gaia_uwb.learn.window_training import BASE
 from gaia_uwb.models.checkpoint import DESCRIPTION, ONNX, WEIGHTS, read_description, read_weights
 from gaia_uwb.models.description import GaiaOptions, MlpOptions, TrainingOptions
 from gaia_uwb.models.window_inputs import make_features
+from killed_runs import kill_training
 from tiny_models import NETWORKS, SIZES, make_run, make_sets, train_tiny
 
 GAIA = NETWORKS["gaia"]
@@ -89,30 +86,11 @@ def test_an_interrupted_training_ends_as_one_that_was_not(
 
 
 def test_a_killed_training_ends_as_one_that_was_not(tmp_path: Path, base: Path) -> None:
-    settings = {"epochs": 6, "batch_size": 4, "base": base}
-    train_tiny(tmp_path / "whole", GAIA, **settings)
-    code = f"""
-import sys, time, torch
-sys.path.insert(0, {str(Path(__file__).parents[1])!r})
-torch.set_num_threads({torch.get_num_threads()})
-from pathlib import Path
-from tiny_models import NETWORKS, train_tiny
-def slowly(epochs, name, done):
-    for epoch in epochs:
-        yield epoch
-        print(epoch, flush=True)
-        time.sleep(0.05 if epoch < 2 else 60)
-train_tiny(Path({str(tmp_path / "cut")!r}), NETWORKS["gaia"], epochs=6, base=Path({str(base)!r}),
-           progress=slowly)
-"""
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        while process.stdout.readline().strip() != b"1":
-            assert process.poll() is None
-        time.sleep(0.06)  # somewhere in the third epoch, or in the pause after it
-        os.kill(process.pid, signal.SIGKILL)
-    assert 2 <= len(read_log(tmp_path / "cut")) <= 3
-    train_tiny(tmp_path / "cut", GAIA, **settings)
+    settings = {"network": GAIA, "epochs": 6, "batch_size": 4, "base": base}
+    train_tiny(tmp_path / "whole", **settings)
+    kill_training(partial(train_tiny, tmp_path / "cut", **settings), after=2)
+    assert len(read_log(tmp_path / "cut")) == 2
+    train_tiny(tmp_path / "cut", **settings)
     for file in (WEIGHTS, LOG):
         assert (tmp_path / "cut" / file).read_bytes() == (tmp_path / "whole" / file).read_bytes()
 

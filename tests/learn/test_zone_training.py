@@ -1,12 +1,8 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +17,7 @@ from gaia_uwb.errors import ConfigError
 from gaia_uwb.learn.training_folder import CURVES, LOG, STATE
 from gaia_uwb.models.checkpoint import CARD, DESCRIPTION, ONNX, WEIGHTS, read_set_description
 from gaia_uwb.models.description import SetModelDescription
+from killed_runs import kill_training
 from tiny_models import train_tiny_set
 
 
@@ -82,26 +79,8 @@ def test_an_interrupted_training_ends_as_one_that_was_not(tmp_path: Path) -> Non
 
 def test_a_killed_training_ends_as_one_that_was_not(tmp_path: Path) -> None:
     train_tiny_set(tmp_path / "whole", portions=4)
-    code = f"""
-import sys, time, torch
-sys.path.insert(0, {str(Path(__file__).parents[1])!r})
-torch.set_num_threads({torch.get_num_threads()})
-from pathlib import Path
-from typing import Any
-from tiny_models import train_tiny_set
-def slowly(portions, done):
-    for portion in portions:
-        yield portion
-        print(portion, flush=True)
-        time.sleep(0.05 if portion < 1 else 60)
-train_tiny_set(Path({str(tmp_path / "cut")!r}), portions=4, progress=slowly)
-"""
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        while process.stdout.readline().strip() != b"0":
-            assert process.poll() is None
-        time.sleep(0.06)  # somewhere in the second portion, or in the pause after it
-        os.kill(process.pid, signal.SIGKILL)
+    kill_training(partial(train_tiny_set, tmp_path / "cut", portions=4), after=1)
+    assert len((tmp_path / "cut" / LOG).read_text(encoding="utf-8").splitlines()) == 1
     train_tiny_set(tmp_path / "cut", portions=4)
     for file in (WEIGHTS, LOG):
         assert (tmp_path / "cut" / file).read_bytes() == (tmp_path / "whole" / file).read_bytes()

@@ -4,7 +4,7 @@ A drive is cut into sections that overlap by half; an anchor's place comes from 
 it has most ranges. More anchors than the network takes at once are split by when they are ranged.
 
 Whether anchors stand left or right of the path is one question for a whole work zone
-(:class:`~gaia_uwb.zone_posterior.ZonePosterior`). So is it for all sections of a drive, unless two
+(:class:`~gaia_uwb.denoised.ZonePosterior`). So is it for all sections of a drive, unless two
 of them are sure of opposite answers: then they are different zones, and each keeps its own.
 """
 
@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gaia_uwb._typing import Array, Bool, Float64, Int64
-from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.denoised import DenoisedRanges, ZonePosterior
+from gaia_uwb.episode import Episode
 from gaia_uwb.models.description import SET_FARTHEST_M, SET_LONGEST_STEPS, SET_MOST_ANCHORS
-from gaia_uwb.zone_posterior import ZonePosterior
 
 _SURE = 2.0  # log odds of a side from which on a section may contradict another
 

@@ -16,11 +16,13 @@ import numpy as np
 from pydantic import Field
 
 from gaia_uwb._typing import Array, Float64
+from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers._base import Denoiser, Options
 from gaia_uwb.denoisers._onnx import start_session
 from gaia_uwb.denoisers.median import Median, MedianOptions
-from gaia_uwb.episode import DenoisedRanges, Episode
+from gaia_uwb.episode import Episode
 from gaia_uwb.errors import ConfigError
+from gaia_uwb.estimate import Reason, ReasonKind
 from gaia_uwb.models.checkpoint import ONNX, find_model, read_description, read_file
 from gaia_uwb.models.plausible_correction import largest_median_correction_m
 from gaia_uwb.models.window_inputs import Features, blend, make_features, window_starts
@@ -102,8 +104,8 @@ class Neural(Denoiser):
             for episode, windows in zip(episodes, found, strict=True)
         ]
 
-    def notes(self, episode: Episode) -> tuple[str, ...]:
-        """Say where an episode lies outside what the model was trained on.
+    def notes(self, episode: Episode) -> tuple[Reason, ...]:
+        """Tell where an episode lies outside what the model was trained on.
 
         Parameters
         ----------
@@ -112,7 +114,7 @@ class Neural(Denoiser):
         """
         name = f"{self.kind}:{self.options.model}"
         return tuple(
-            f"{name} guesses: {reason}; use another denoiser"
+            Reason(ReasonKind.OUTSIDE_TRAINING, f"{name} guesses: {reason}; use another denoiser")
             for reason in self.description.domain.strange(episode)
         )
 
