@@ -208,7 +208,9 @@ def test_png_has_the_promised_size_and_is_the_same_again() -> None:
 
 def test_leaves_pyplot_alone() -> None:
     code = (
-        "from factories import make_reconstruction; from gaia_uwb.figure_style import figure_png; from gaia_uwb.plots import plot_reconstruction; import sys; "
+        "import sys; from factories import make_reconstruction; "
+        "from gaia_uwb.figure_style import figure_png; "
+        "from gaia_uwb.plots import plot_reconstruction; "
         "figure_png(plot_reconstruction(make_reconstruction())); "
         "print('matplotlib.pyplot' in sys.modules)"
     )
