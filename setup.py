@@ -1,4 +1,4 @@
-"""Build the compiled parts: inner loops of the solver (_solver.c) and of outlines (_tour.c)."""
+"""Build the compiled parts: the inner loops of the solver and of outlines."""
 
 import sys
 
@@ -20,9 +20,9 @@ setup(
     ext_modules=[
         Extension(
             f"gaia_uwb.{name}",
-            sources=[f"src/gaia_uwb/{name}.c"],
+            sources=[f"src/gaia_uwb/{name.replace('.', '/')}.c"],
             extra_compile_args=[] if sys.platform == "win32" else FLAGS,
         )
-        for name in ("_solver", "_tour")
+        for name in ("solver._solver", "zone._tour")
     ]
 )

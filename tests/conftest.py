@@ -15,7 +15,7 @@ from browser import Browser, browser, find_chromium
 
 install_import_hook("gaia_uwb", "beartype.beartype")
 
-from gaia_uwb import cli  # noqa: E402  # after the hook
+from gaia_uwb.cli import main  # noqa: E402  # after the hook
 
 # The same examples in every run, however busy the machine; HYPOTHESIS_PROFILE=search looks further.
 hypothesis.settings.register_profile("default", deadline=None, derandomize=True)
@@ -53,7 +53,7 @@ def run(
     def run_here(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["gaia", *map(str, arguments)])
         with pytest.raises(SystemExit) as stop:
-            cli.main()
+            main()
         out = capsys.readouterr()
         code = stop.value.code
         return (0 if code is None else int(code)), out.out, out.err
@@ -63,9 +63,19 @@ def run(
 
 @pytest.fixture(scope="session")
 def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    """One browser for all tests that need one, without a network."""
+    """One browser for all tests that need one, without a network, or skip."""
+    if find_chromium() is None:
+        pytest.skip("left out: no chromium to look at the map with")
     with browser(tmp_path_factory.mktemp("profile")) as driver:
         yield driver
+
+
+@pytest.fixture(scope="session")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The map's pages that tests look at in a browser."""
+    from map_looks import write_pages
+
+    return write_pages(tmp_path_factory.mktemp("pages"))
 
 
 def pytest_report_header() -> list[str]:

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb.config import (
     AlignmentConfig,
     PipelineConfig,
@@ -18,7 +19,6 @@ from gaia_uwb.config import (
     load_config,
     make_config,
 )
-from gaia_uwb.errors import ConfigError
 
 
 def write(folder: Path, text: str | bytes) -> Path:

@@ -12,8 +12,8 @@ import yaml
 
 import gaia_uwb
 import page_blocks
-from gaia_uwb.datasets.input_description import InputDescription
 from gaia_uwb.estimate import ReasonKind
+from gaia_uwb.logs.input_description import InputDescription
 from page_blocks import Block, PageError, Runner, agrees, parse, run_page
 
 ROOT = Path(__file__).parents[1]
@@ -91,7 +91,7 @@ def test_the_page_on_unreliable_results_quotes_the_program() -> None:
     table = page[page.index("| it says |") :].partition("\n\n")[0].splitlines()[2:]
     said = [line.split(" | ")[0].removeprefix("| ") for line in table]
     source = "".join(
-        path.read_text(encoding="utf-8") for path in (ROOT / "src" / "gaia_uwb").glob("*.py")
+        path.read_text(encoding="utf-8") for path in (ROOT / "src" / "gaia_uwb").rglob("*.py")
     )
     assert len(said) > 8
     assert [text for text in said if text not in source] == []

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from gaia_uwb._shared.errors import InputError
 from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.episode import ClockOffset, Episode, EpisodeTruth, RangeCalibration, bias_basis
-from gaia_uwb.errors import InputError
 from outside import annotations_off
 
 

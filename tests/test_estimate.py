@@ -7,7 +7,7 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
-from gaia_uwb.errors import InputError
+from gaia_uwb._shared.errors import InputError
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus
 from outside import annotations_off
 

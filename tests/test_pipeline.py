@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from drives_past import with_moved_anchor
+from gaia_uwb._shared.errors import ConfigError, InputError
 from gaia_uwb.config import PipelineConfig, PriorConfig, SidesConfig, SolverConfig, make_config
-from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, ReasonKind
 from gaia_uwb.pipeline import prepare, reconstruct, reconstruct_episodes, reconstruct_passes
 from gaia_uwb.reconstruction import ReconstructionStatus

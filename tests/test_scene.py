@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gaia_uwb.errors import InputError
+from gaia_uwb._shared.errors import InputError
 from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory, Truth
 from outside import annotations_off
 

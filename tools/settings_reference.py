@@ -21,9 +21,9 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.datasets.input_description import InputDescription
+from gaia_uwb.logs import InputDescription
 from gaia_uwb.simulate import PassConfig
-from gaia_uwb.wzdx.settings import FeedConfig
+from gaia_uwb.wzdx import FeedConfig
 
 _HEAD = """# Settings
 

@@ -20,10 +20,10 @@ from matplotlib.patches import Circle
 from scipy.optimize import least_squares
 
 from gaia_uwb import PipelineConfig, Scene, read, reconstruct
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._shared import Array, Float64
+from gaia_uwb.alignment import fit_anchors, gather_readings
 from gaia_uwb.config import AlignmentConfig
 from gaia_uwb.estimate import _CHI_SQUARE_90
-from gaia_uwb.readings import fit_anchors, gather_readings
 from gaia_uwb.simulate import PRESETS, PassConfig, simulate_pass
 
 OUT = Path(__file__).parents[2] / "docs" / "images" / "concepts"

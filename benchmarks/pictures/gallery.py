@@ -16,15 +16,17 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from gaia_uwb.simulate.layouts import road_to_local
-from gaia_uwb.simulate.passes import Setting, set_up, simulate_episode
-from gaia_uwb.simulate.settings import (
+from gaia_uwb.simulate import (
     ClosureConfig,
     DriveConfig,
     PassConfig,
     RangingConfig,
     RoadConfig,
+    Setting,
     ZoneKind,
+    road_to_local,
+    set_up,
+    simulate_episode,
 )
 
 OUT = Path(__file__).parents[2] / "docs" / "images" / "zones"

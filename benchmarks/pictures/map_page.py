@@ -10,10 +10,8 @@ import tempfile
 from importlib import import_module
 from pathlib import Path
 
-from gaia_uwb.geojson import boundary_geojson
-from gaia_uwb.map_page import map_page
+from gaia_uwb.outputs import boundary_geojson, make_report, map_page
 from gaia_uwb.pipeline import reconstruct
-from gaia_uwb.report import make_report
 from gaia_uwb.simulate import PRESETS, simulate_pass
 
 ROOT = Path(__file__).parents[2]
@@ -22,7 +20,7 @@ OUT = ROOT / "docs" / "images"
 
 def main() -> None:
     """Draw both."""
-    sys.path.insert(0, str(ROOT / "tests"))
+    sys.path.insert(0, str(ROOT / "tests" / "helpers"))
     tools = import_module("browser")
     with tempfile.TemporaryDirectory() as place, tools.browser(Path(place) / "profile") as driver:
         for preset, size, touch, script in (

@@ -6,10 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64
+from gaia_uwb._shared import Array, Bool, Float64
 from gaia_uwb.estimate import _CHI_SQUARE_90
-from gaia_uwb.evaluate import Test
-from gaia_uwb.metrics import Metric, aggregate
+from gaia_uwb.evaluate import Metric, Test, aggregate
 from gaia_uwb.simulate import find_preset, simulate_episodes
 
 

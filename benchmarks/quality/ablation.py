@@ -17,8 +17,8 @@ from pathlib import Path
 
 import _tally
 from gaia_uwb import __version__
-from gaia_uwb.files import OutputFolder
-from gaia_uwb.models.description import GaiaSetOptions, SetModelDescription, SetTrainingOptions
+from gaia_uwb._shared import OutputFolder
+from gaia_uwb.models import GaiaSetOptions, SetModelDescription, SetTrainingOptions
 
 PAGE = Path(__file__).parents[2] / "docs" / "gaia-set-ablation.md"
 ADAMW = "AdamW for all weights, no Muon"
@@ -81,7 +81,7 @@ def optimised(options: SetTrainingOptions, variant: str) -> SetTrainingOptions:
 
 def train(network: GaiaSetOptions, options: SetTrainingOptions, place: Path) -> SetModelDescription:
     """Train a variant."""
-    from gaia_uwb.learn.zone_training import SetTask, train_set
+    from gaia_uwb.learn import SetTask, train_set
 
     return train_set(SetTask(network, options, __version__), OutputFolder(place))
 

@@ -22,15 +22,14 @@ import numpy as np
 import shapely
 
 from _tally import in_ellipse_90, table_head, table_row
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._shared import Array, Float64
 from gaia_uwb.api import load_scenes
-from gaia_uwb.boundary_uncertainty import PROBABILITY, Levels, Region, boundary_uncertainty
 from gaia_uwb.config import PipelineConfig, SidesConfig
 from gaia_uwb.episode import Episode
+from gaia_uwb.evaluate import RigidAlignment, rigid_align, rotation_matrix
 from gaia_uwb.pipeline import prepare, reconstruct_episodes
 from gaia_uwb.reconstruction import Reconstruction
-from gaia_uwb.rigid_alignment import RigidAlignment, rigid_align, rotation_matrix
-from gaia_uwb.scene_samples import Scenes, sample_scenes
+from gaia_uwb.zone import PROBABILITY, Levels, Region, Scenes, boundary_uncertainty, sample_scenes
 
 TESTS = ("sim:wild-test/1/{n}", "sim:lane-closure/500/100")
 TRAINING = "sim:wild-training/7/{n}"

@@ -19,10 +19,9 @@ import numpy as np
 
 from gaia_uwb.api import load_scenes
 from gaia_uwb.denoised import DenoisedRanges
-from gaia_uwb.denoisers import make_denoiser
-from gaia_uwb.denoisers.neural import Neural
+from gaia_uwb.denoisers import Neural, make_denoiser
 from gaia_uwb.episode import Episode
-from gaia_uwb.learn.window_sets import (
+from gaia_uwb.learn import (
     LearningSetOptions,
     LearningSets,
     logged_sets,
@@ -30,7 +29,7 @@ from gaia_uwb.learn.window_sets import (
     prepare_runs,
     simulated_sets,
 )
-from gaia_uwb.models.plausible_correction import largest_median_correction_m, needed_corrections_m
+from gaia_uwb.models import largest_median_correction_m, needed_corrections_m
 
 SHARES, TIMES = (0.98, 0.99, 0.995, 0.999, 1.0), (1.0, 1.25, 1.5, 2.0)
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from _tally import means, simulated
+from gaia_uwb._shared import OutputFolder
 from gaia_uwb.config import PipelineConfig, SolverConfig
 from gaia_uwb.evaluate import score_method
-from gaia_uwb.files import OutputFolder
 
 OUT = Path(__file__).parents[1] / "out"
 METRICS = (

@@ -15,9 +15,7 @@ import numpy as np
 from _tally import Tally
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoisers import make_denoiser
-from gaia_uwb.fusion import fuse
-from gaia_uwb.joint_fit import LocatedPass
-from gaia_uwb.locate import Hypotheses, locate
+from gaia_uwb.locate import Hypotheses, LocatedPass, fuse, locate
 from gaia_uwb.pipeline import prepare
 from gaia_uwb.scene import Scene
 from gaia_uwb.simulate import PRESETS, simulate_zone

@@ -19,9 +19,9 @@ from gaia_uwb.api import load_scenes
 from gaia_uwb.config import PipelineConfig, make_config
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import ReasonKind
-from gaia_uwb.metrics import score_episode
-from gaia_uwb.path_sides import PathSides
+from gaia_uwb.evaluate import score_episode
 from gaia_uwb.pipeline import prepare, reconstruct_episodes
+from gaia_uwb.zone import PathSides
 
 Said = Callable[[Episode], dict[str, object]]
 OBJECTIONS = {ReasonKind.STATEMENT, ReasonKind.EXCEPTION}

@@ -22,18 +22,25 @@ import numpy as np
 
 import _tally
 from gaia_uwb import __version__
+from gaia_uwb._shared import OutputFolder
 from gaia_uwb.api import load_scenes
-from gaia_uwb.bounds import cramer_rao_m, wrong_sides_probability
 from gaia_uwb.config import PipelineConfig, SidesConfig, SolverConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix
-from gaia_uwb.evaluate import Test, make_test, score_method
-from gaia_uwb.files import OutputFolder
-from gaia_uwb.metrics import Metric, aggregate
+from gaia_uwb.evaluate import (
+    STRESSORS,
+    Metric,
+    Test,
+    aggregate,
+    cramer_rao_m,
+    make_test,
+    score_method,
+    stress,
+    wrong_sides_probability,
+)
 from gaia_uwb.pipeline import prepare, reconstruct_episodes
-from gaia_uwb.polygons import polygon_iou
 from gaia_uwb.simulate import find_preset, simulate_zone
-from gaia_uwb.stressors import STRESSORS, stress
+from gaia_uwb.zone import polygon_iou
 
 PAGE = Path(__file__).parents[2] / "docs" / "gaia-set-results.md"
 N_SIMULATED, STRESS_SEED = 500, 7

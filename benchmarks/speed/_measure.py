@@ -46,10 +46,9 @@ def run_parts(
 
 
 def tests_module(name: str) -> ModuleType:
-    """Return a module that the tests have for themselves, such as ``datasets/bags``."""
-    path = ROOT / "tests" / name
-    sys.path.insert(0, str(path.parent))
-    return import_module(path.name)
+    """Return a module of ``tests/helpers``, such as ``bags``."""
+    sys.path.insert(0, str(ROOT / "tests" / "helpers"))
+    return import_module(name)
 
 
 def stress_windows(n: int) -> list[Episode]:

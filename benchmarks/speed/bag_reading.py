@@ -24,7 +24,7 @@ BUDGET_S, BUDGET_GIB = 10.0, 1.0
 
 def read(path: Path) -> None:
     """Read a log and print what it took."""
-    from gaia_uwb.datasets.described import read_described
+    from gaia_uwb.logs import read_described
 
     start, cpu = time.perf_counter(), time.process_time()
     scene, _ = read_described(path)
@@ -41,7 +41,7 @@ def read(path: Path) -> None:
 
 def write(folder: Path, kind: str, hours: float) -> Path:
     """Write the log."""
-    bags = tests_module("datasets/bags")
+    bags = tests_module("bags")
     log = bags.Log(folder, kind)
     for k in range(round(hours * HOUR_S * HZ)):
         t_s = START_S + k / HZ

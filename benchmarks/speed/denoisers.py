@@ -24,14 +24,13 @@ from statistics import median
 from _measure import command_seconds, make_parser, per_second, run_parts, stress_windows
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoisers import make_denoiser
-from gaia_uwb.models.checkpoint import find_model, read_description, read_weights
-from gaia_uwb.models.window_inputs import make_features
+from gaia_uwb.models import find_model, make_features, read_description, read_weights
 from gaia_uwb.pipeline import reconstruct_episodes
 
 _FIRST = """
 import time
 start = time.perf_counter()
-from gaia_uwb.denoisers import make_denoiser
+from gaia_uwb.denoisers.registry import make_denoiser
 from gaia_uwb.simulate import PRESETS, simulate_episode
 episode = simulate_episode(PRESETS["stress"], seed=0)
 made = time.perf_counter()
@@ -45,7 +44,7 @@ def network(given: argparse.Namespace) -> dict[str, float]:
     import onnxruntime
     import torch
 
-    from gaia_uwb.learn.networks import make_network
+    from gaia_uwb.learn import make_network
 
     kind, _, model = given.model.partition(":")
     episodes = stress_windows(given.windows)

@@ -16,9 +16,8 @@ import numpy as np
 
 from _measure import make_parser, write_json
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.datasets.native import write_native
-from gaia_uwb.fleet import find_zones, write_tables
-from gaia_uwb.fleet_workers import reconstruct_fleet
+from gaia_uwb.fleet import find_zones, reconstruct_fleet, write_tables
+from gaia_uwb.logs import write_native
 from gaia_uwb.simulate import PRESETS, simulate_zone
 
 

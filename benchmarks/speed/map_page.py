@@ -17,11 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from _measure import make_parser, tests_module, write_json
-from gaia_uwb.geojson import boundary_geojson
-from gaia_uwb.map_page import map_page
+from gaia_uwb.outputs import boundary_geojson, make_report, map_page
 from gaia_uwb.pipeline import reconstruct
 from gaia_uwb.reconstruction import Reconstruction
-from gaia_uwb.report import make_report
 from gaia_uwb.simulate import PRESETS, simulate_pass
 
 BUDGET_MB, BUDGET_S = 2.0, 1.0

@@ -20,7 +20,7 @@ from itertools import islice
 from pathlib import Path
 
 from _measure import make_parser, write_json
-from gaia_uwb.datasets.episodes import read_episodes
+from gaia_uwb.logs import read_episodes
 from gaia_uwb.simulate import PRESETS, PassConfig, simulate_episodes
 
 WARM_UP = 0.1  # of the episodes

@@ -28,11 +28,11 @@ from typing import Any
 import numpy as np
 
 from _measure import make_parser, per_second, run_parts
-from gaia_uwb.calibration import calibrate
+from gaia_uwb.alignment import calibrate
 from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.episode import Episode
 from gaia_uwb.locate import locate
-from gaia_uwb.multilateration import SolverOptions, solve
+from gaia_uwb.solver import SolverOptions, solve
 
 STEPS = 64
 ANCHORS = 20

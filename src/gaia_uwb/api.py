@@ -16,13 +16,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gaia_uwb import pipeline
+from gaia_uwb._shared import ConfigError, GaiaError, InputError, SourceError, visible
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.datasets import REGISTRY, import_function
-from gaia_uwb.datasets.described import is_described, read_described
-from gaia_uwb.datasets.fetch import dataset_folder
-from gaia_uwb.datasets.native import is_native, read_with_notes
-from gaia_uwb.errors import ConfigError, GaiaError, InputError, SourceError
-from gaia_uwb.files import visible
+from gaia_uwb.logs import (
+    REGISTRY,
+    dataset_folder,
+    import_function,
+    is_described,
+    is_native,
+    read_described,
+    read_with_notes,
+)
 from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.scene import Scene
 
@@ -137,7 +141,7 @@ def load_scenes(source: str | Path, *, data_dir: Path | None = None) -> list[Sce
         ``.bag`` or ``.mcap`` file) or a folder of logs; or the name of a data set or the simulator,
         and a part of it after a colon. A ``Path`` is never taken for a name.
     data_dir
-        Folder that holds the data sets, see :func:`gaia_uwb.datasets.fetch.data_folder`.
+        Folder that holds the data sets, see :func:`gaia_uwb.logs.data_folder`.
 
     Returns
     -------
@@ -158,7 +162,7 @@ def load_scenes(source: str | Path, *, data_dir: Path | None = None) -> list[Sce
     >>> from gaia_uwb.api import load_scenes
     >>> load_scenes("no-such-place")
     Traceback (most recent call last):
-    gaia_uwb.errors.SourceError: no-such-place: neither a folder nor one of outdoor-uwb, sim
+    gaia_uwb.SourceError: no-such-place: neither a folder nor one of outdoor-uwb, sim
     """
     if isinstance(source, Path):
         return [read_log(path)[0] for path in logs_of(str(source))]

@@ -16,9 +16,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from gaia_uwb._text import printable, shortened, shown
-from gaia_uwb.errors import ConfigError
-from gaia_uwb.strict_yaml import read_yaml
+from gaia_uwb._shared import ConfigError, printable, read_yaml, shortened, shown
 
 LONGEST_NAME = 400
 """Characters of a scene's name in a file; all results and messages repeat it."""
@@ -33,7 +31,7 @@ class Settings(BaseModel):
 
 
 class AlignmentConfig(Settings):
-    """How ranges and trajectory are brought onto one timeline (``alignment.py``)."""
+    """How ranges and trajectory are brought onto one timeline (``timeline.py``)."""
 
     clock_offset: Literal["auto", "off"] = "auto"
     """Estimate the offset between the two clocks, or trust both as they are."""
@@ -66,7 +64,7 @@ class CalibrationConfig(Settings):
 
 
 class SolverConfig(Settings):
-    """How anchors are located from their ranges (``locate.py``)."""
+    """How anchors are located from their ranges (``hypotheses.py``)."""
 
     kind: Literal["robust", "wls"] = "robust"
     """``robust``: ours, no labels. ``wls``: the paper's weighted least squares."""
@@ -218,7 +216,7 @@ def make_config(content: Any, *, source: str = "settings") -> PipelineConfig:
     >>> make_config({"denoisr": "raw"})
     Traceback (most recent call last):
         ...
-    gaia_uwb.errors.ConfigError: settings: denoisr: unknown key
+    gaia_uwb.ConfigError: settings: denoisr: unknown key
     """
     try:
         return PipelineConfig.model_validate(content)

@@ -11,13 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gaia_uwb._checks import (
-    check_finite,
-    check_shape,
-    freeze,
-)
-from gaia_uwb._typing import Array, Bool, Float64
-from gaia_uwb.errors import InputError
+from gaia_uwb._shared import Array, Bool, Float64, InputError, check_finite, check_shape, freeze
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gaia_uwb._checks import (
+from gaia_uwb._shared import (
+    Array,
+    Bool,
+    Float64,
+    InputError,
     check_finite,
     check_heights,
     check_ids,
@@ -19,8 +23,6 @@ from gaia_uwb._checks import (
     check_shape,
     freeze,
 )
-from gaia_uwb._typing import Array, Bool, Float64
-from gaia_uwb.errors import InputError
 from gaia_uwb.scene import LocalFrame
 
 
@@ -349,7 +351,7 @@ class Episode:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: what is on the timeline, without the truth."""
-        from gaia_uwb._html import sketch, summary
+        from gaia_uwb._shared import sketch, summary
 
         facts = [f"{self.n_steps} steps in {self.t_s[-1] - self.t_s[0]:.1f} s"]
         if self.clock is not None:

@@ -13,9 +13,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from gaia_uwb._checks import check_shape, freeze
-from gaia_uwb._typing import Array, Float64
-from gaia_uwb.errors import InputError
+from gaia_uwb._shared import Array, Float64, InputError, check_shape, freeze
 
 
 class AnchorStatus(StrEnum):

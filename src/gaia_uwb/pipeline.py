@@ -17,12 +17,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool
-from gaia_uwb.alignment import align
-from gaia_uwb.boundary import make_boundary
-from gaia_uwb.calibration import calibrate
+from gaia_uwb._shared import Array, Bool, ConfigError
+from gaia_uwb.alignment import align, calibrate
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.decision import Decision
 from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers import Denoiser, make_denoiser
 from gaia_uwb.episode import Episode
@@ -34,15 +31,19 @@ from gaia_uwb.estimate import (
     Reason,
     ReasonKind,
 )
-from gaia_uwb.fusion import fuse, mark_moved
-from gaia_uwb.joint_fit import LocatedPass
-from gaia_uwb.known_facts import KnownFacts
-from gaia_uwb.locate import locate
+from gaia_uwb.locate import (
+    LocatedPass,
+    fuse,
+    in_one_frame,
+    join_windows,
+    locate,
+    mark_moved,
+    with_anchor_ranges,
+    with_anchors,
+)
 from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from gaia_uwb.scene import Scene
-from gaia_uwb.sides import decide_sides
-from gaia_uwb.zone_passes import in_one_frame, join_windows, with_anchor_ranges, with_anchors
-from gaia_uwb.zone_sides import decide_zone, widened
+from gaia_uwb.zone import Decision, KnownFacts, decide_sides, decide_zone, make_boundary, widened
 
 _MISFIT_M = 1.0  # ranges of a working radio on a known path err by less
 _BIAS_SIGMA = 4.0  # a range bias so many prior standard deviations from 0 is none of a radio
@@ -137,7 +138,7 @@ def reconstruct_passes(
     if len(passes) == 1:
         return reconstruct_episodes(passes, config)[0]
     denoiser = make_denoiser(config.denoiser)
-    denoised = denoiser(passes)
+    denoised = _denoise(denoiser, passes, config.denoiser)
     evidence = _evidence(denoiser, passes, denoised, config)
     hypotheses = locate(passes, evidence, config.solver)
     fused = fuse(list(map(LocatedPass, passes, evidence, hypotheses)), config)
@@ -185,7 +186,7 @@ def reconstruct_episodes(
     """
     blind = [episode.without_truth() for episode in episodes]
     denoiser = make_denoiser(config.denoiser)
-    denoised = denoiser(blind)
+    denoised = _denoise(denoiser, blind, config.denoiser)
     decisions = _decide(blind, denoiser, denoised, config, true_nlos)
     results = []
     for episode, ranges, decision in zip(blind, denoised, decisions, strict=True):
@@ -203,6 +204,18 @@ def reconstruct_episodes(
             Reconstruction(episode, ranges, anchors, boundary, status, reasons, config, possible)
         )
     return results
+
+
+def _denoise(
+    denoiser: Denoiser, episodes: Sequence[Episode], name: str
+) -> Sequence[DenoisedRanges]:
+    """Denoise episodes, and see to it that a denoiser from elsewhere gives what was asked for."""
+    denoised = denoiser(episodes)
+    wanted = [episode.range_m.shape for episode in episodes]
+    got = [ranges.range_m.shape for ranges in denoised]
+    if got != wanted:
+        raise ConfigError(f"denoiser {name!r}: expected ranges of shapes {wanted}, got {got}")
+    return denoised
 
 
 def _pass_reasons(

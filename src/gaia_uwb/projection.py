@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._shared import Array, Float64
 from gaia_uwb.scene import LocalFrame
 
 

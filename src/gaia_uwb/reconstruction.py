@@ -8,9 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gaia_uwb.boundary_uncertainty import BoundaryUncertainty, Levels, boundary_uncertainty
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.decision import Combinations
 from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import (
@@ -21,8 +19,14 @@ from gaia_uwb.estimate import (
     ReasonKind,
 )
 from gaia_uwb.locate import Hypotheses
-from gaia_uwb.scene_samples import sample_scenes
-from gaia_uwb.statement import said_words
+from gaia_uwb.zone import (
+    BoundaryUncertainty,
+    Combinations,
+    Levels,
+    boundary_uncertainty,
+    said_words,
+    sample_scenes,
+)
 
 
 class ReconstructionStatus(StrEnum):
@@ -108,7 +112,7 @@ class Reconstruction:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the verdict, a top view and the anchors."""
-        from gaia_uwb._html import Mark, sketch, summary
+        from gaia_uwb._shared import Mark, sketch, summary
 
         located = [anchor for anchor in self.anchors if anchor.status.has_position]
         facts = [

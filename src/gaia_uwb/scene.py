@@ -20,7 +20,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gaia_uwb._checks import (
+from gaia_uwb._shared import (
+    Array,
+    Bool,
+    Float64,
+    InputError,
+    Int64,
     check_finite,
     check_heights,
     check_ids,
@@ -28,8 +33,6 @@ from gaia_uwb._checks import (
     check_shape,
     freeze,
 )
-from gaia_uwb._typing import Array, Bool, Float64, Int64
-from gaia_uwb.errors import InputError
 
 _BLOCK = 1 << 20  # readings checked together, which bounds the memory
 
@@ -287,7 +290,7 @@ class Scene:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: what the log holds, without the truth."""
-        from gaia_uwb._html import sketch, summary
+        from gaia_uwb._shared import sketch, summary
 
         drive, log = self.trajectory, self.ranges
         facts = [

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drives import FILTERS, METHODS, NOISE_M, assert_same, denoise, drive_past, make_episode
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gaia_uwb.denoisers import _base, _robust, make_denoiser
+from alike import assert_same
+from drives import FILTERS, METHODS, NOISE_M, denoise, drive_past, make_episode
+from gaia_uwb.denoisers import _base, _robust
+from gaia_uwb.denoisers.registry import make_denoiser
 from gaia_uwb.episode import Episode, RangeCalibration
 
 

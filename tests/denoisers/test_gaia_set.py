@@ -11,10 +11,10 @@ import pytest
 
 pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 
+from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb.denoised import DenoisedRanges
-from gaia_uwb.denoisers import make_denoiser
+from gaia_uwb.denoisers.registry import make_denoiser
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import ConfigError
 from gaia_uwb.models.checkpoint import DESCRIPTION, ONNX
 from gaia_uwb.models.description import SET_LONGEST_STEPS, SET_MOST_ANCHORS
 from gaia_uwb.simulate import find_preset, simulate_episodes

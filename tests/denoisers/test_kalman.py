@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drives import NOISE_M, denoise, drive_past, errors_m, make_episode
 
+from drives import NOISE_M, denoise, drive_past, errors_m, make_episode
 from gaia_uwb.episode import Episode
 
 

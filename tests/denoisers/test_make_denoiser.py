@@ -4,11 +4,11 @@ import re
 from collections.abc import Callable
 
 import pytest
-from drives import METHODS
 from pydantic import ValidationError
 
-from gaia_uwb.denoisers import DENOISERS, denoiser_class, make_denoiser
-from gaia_uwb.errors import ConfigError
+from drives import METHODS
+from gaia_uwb._shared.errors import ConfigError
+from gaia_uwb.denoisers.registry import DENOISERS, denoiser_class, make_denoiser
 
 
 def test_every_name_gives_a_class_that_declares_options_and_abilities() -> None:
@@ -30,7 +30,7 @@ def test_options_reach_the_denoiser_and_are_frozen() -> None:
 
 @pytest.mark.parametrize("call", [make_denoiser, denoiser_class])
 def test_an_unknown_name_lists_those_that_exist(call: Callable[[str], object]) -> None:
-    with pytest.raises(ConfigError, match="'karman'; there are raw, median, kalman, pose-kalman"):
+    with pytest.raises(ConfigError, match="'karman'; available: raw, median, kalman, pose-kalman"):
         call("karman")
 
 

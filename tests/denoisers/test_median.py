@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from drives import NOISE_M, denoise, drive_past, errors_m, make_episode
 
 

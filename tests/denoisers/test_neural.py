@@ -15,13 +15,13 @@ pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 
 import torch
 
+from gaia_uwb._shared.errors import ConfigError, InputError
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoised import DenoisedRanges
-from gaia_uwb.denoisers import make_denoiser
+from gaia_uwb.denoisers.registry import make_denoiser
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.estimate import ReasonKind
-from gaia_uwb.learn.networks import make_network
+from gaia_uwb.learn.networks.make import make_network
 from gaia_uwb.models.checkpoint import (
     DESCRIPTION,
     ONNX,

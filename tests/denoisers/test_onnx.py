@@ -4,8 +4,8 @@ import os
 
 import pytest
 
+from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb.denoisers._onnx import start_session
-from gaia_uwb.errors import ConfigError
 from gaia_uwb.models.checkpoint import ONNX, find_model
 
 

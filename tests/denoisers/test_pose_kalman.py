@@ -5,13 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drives import METHODS, NOISE_M, assert_same, denoise, drive_past, errors_m
 
-from gaia_uwb.alignment import align
+from alike import assert_same
+from drives import METHODS, NOISE_M, denoise, drive_past, errors_m
+from gaia_uwb.alignment.timeline import align
 from gaia_uwb.config import AlignmentConfig
-from gaia_uwb.datasets.outdoor_uwb import load
-from gaia_uwb.denoisers import make_denoiser
+from gaia_uwb.denoisers.registry import make_denoiser
 from gaia_uwb.episode import Episode
+from gaia_uwb.logs.outdoor_uwb import load
 
 
 def mean_square(name: str, episodes: list[Episode]) -> float:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from drives import NOISE_M, denoise, drive_past, errors_m
 
 

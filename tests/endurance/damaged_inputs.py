@@ -5,8 +5,8 @@ Usage: nice python tests/endurance/damaged_inputs.py [--n 10000] [--reader NAME 
 
 The second looks at one case, and shows its traceback.
 
-Every case damages a fresh copy of a good input (``tests/datasets/damage.py``) and then does what
-the command does that takes it (``tests/datasets/readers.py``: ``gaia data check`` for a log); every
+Every case damages a fresh copy of a good input (``tests/helpers/damage.py``) and then does what
+the command does that takes it (``tests/helpers/readers.py``: ``gaia data check`` for a log); every
 twentieth that is still readable is put to use as well (a log is reconstructed). A case counts as
 bad where another exception than ours comes out, anything is printed on stderr (a warning, a
 library's stack trace), the text is not one printable line, the process dies, or it takes more than
@@ -82,7 +82,7 @@ class Cases:
 
     def look(self, path: Path, case: int) -> tuple[str, str]:
         """Read an input as a user would; return whether it is ok, refused or bad, and the line."""
-        from gaia_uwb.errors import GaiaError
+        from gaia_uwb._shared.errors import GaiaError
 
         try:
             for line in self._reader.read(path):
@@ -100,7 +100,7 @@ class Cases:
 
 def load_readers() -> dict[str, Any]:
     """Return the readers, by name."""
-    folder = str(Path(__file__).parents[1] / "datasets")
+    folder = str(Path(__file__).parents[1] / "helpers")
     if folder not in sys.path:
         sys.path.insert(0, folder)
     readers: dict[str, Any] = import_module("readers").READERS

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gaia_uwb.errors import ConfigError
+from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb.learn.recipes import ABLATIONS, KINDS, load_recipe, make_recipe
 
 

@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
+from gaia_uwb._shared.errors import ConfigError, InputError
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.learn.window_sets import (
     LearningSetOptions,
     LearningSets,

@@ -13,8 +13,8 @@ pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 
 import torch
 
-from gaia_uwb.errors import ConfigError, InputError
-from gaia_uwb.learn.networks import make_network
+from gaia_uwb._shared.errors import ConfigError, InputError
+from gaia_uwb.learn.networks.make import make_network
 from gaia_uwb.learn.training_folder import CURVES, LOG, STATE
 from gaia_uwb.learn.window_sets import LearningSets
 from gaia_uwb.learn.window_training import BASE

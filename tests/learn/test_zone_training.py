@@ -13,7 +13,7 @@ pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 
 import torch
 
-from gaia_uwb.errors import ConfigError
+from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb.learn.training_folder import CURVES, LOG, STATE
 from gaia_uwb.models.checkpoint import CARD, DESCRIPTION, ONNX, WEIGHTS, read_set_description
 from gaia_uwb.models.description import SetModelDescription

@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 
-from gaia_uwb.errors import ConfigError
+from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb.models.checkpoint import (
     DESCRIPTION,
     ONNX,
@@ -67,7 +67,7 @@ def change(folder: Path, edit: Callable[[dict[str, object]], object]) -> None:
 def test_a_model_is_read_as_it_was_written(model: Path) -> None:
     import torch
 
-    from gaia_uwb.learn.networks import make_network
+    from gaia_uwb.learn.networks.make import make_network
 
     description = read_description(model)
     assert description.network == NETWORKS["gaia"]

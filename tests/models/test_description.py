@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from gaia_uwb.errors import InputError
+from gaia_uwb._shared.errors import InputError
 from gaia_uwb.models.description import (
     Domain,
     GaiaOptions,

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gaia_uwb import evaluate
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.denoisers import make_denoiser
-from gaia_uwb.metrics import aggregate
+from gaia_uwb.denoisers.registry import make_denoiser
+from gaia_uwb.evaluate import scores as evaluate
+from gaia_uwb.evaluate.metrics import aggregate
 from gaia_uwb.models.card import model_card, set_model_card
 from gaia_uwb.models.checkpoint import (
     CARD,
@@ -43,7 +43,7 @@ def test_a_model_is_small_and_its_card_is_that_of_its_description(folder: Path) 
 @pytest.mark.parametrize("folder", MODELS.values(), ids=MODELS)
 def test_onnx_is_the_network_of_the_weights(folder: Path) -> None:
     torch = pytest.importorskip("torch", reason="PyTorch is not installed")
-    from gaia_uwb.learn.networks import make_network
+    from gaia_uwb.learn.networks.make import make_network
 
     description = read_description(folder)
     n = description.n_anchors

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gaia_uwb.errors import InputError
+from gaia_uwb._shared.errors import InputError
 from gaia_uwb.models.description import Normalisation
 from gaia_uwb.models.window_inputs import blend, make_features, make_targets, window_starts
 from tiny_models import make_run

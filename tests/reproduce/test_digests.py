@@ -48,7 +48,34 @@ def test_imported_code_counts_unless_it_is_left_out(digest) -> None:
 
 def test_lazy_imports_are_followed() -> None:
     # The pipeline's solver is C, which only an import inside multilateration leads to.
-    assert code_digest("locate") != code_digest("locate", without=("_solver",))
+    assert code_digest("locate") != code_digest("locate", without=("solver._solver",))
+
+
+def test_a_name_that_a_face_hands_out_leads_to_its_file_only(digest, tmp_path: Path) -> None:
+    room = tmp_path / "room"
+    room.mkdir()
+    (room / "__init__.py").write_text("import lazy_loader\n")
+    (room / "__init__.pyi").write_text("from .one import f as f\nfrom .two import g as g\n")
+
+    def of(one: int, two: int) -> str:
+        (room / "one.py").write_text(f"def f():\n    return {one}\n")
+        (room / "two.py").write_text(f"def g():\n    return {two}\n")
+        return digest("", "from gaia_uwb.room import f\n")
+
+    assert of(1, 1) == of(1, 2)
+    assert of(1, 1) != of(2, 1)
+
+
+def test_the_place_of_a_file_does_not_count(digest, tmp_path: Path) -> None:
+    before = digest("def f():\n    return 1\n")
+    (tmp_path / "moved.py").write_text((tmp_path / "inner.py").read_text())
+    (tmp_path / "user.py").write_text("from gaia_uwb.moved import f\n")
+    assert code_digest("user") == before
+
+
+def test_a_module_that_is_not_there_is_an_error() -> None:
+    with pytest.raises(ValueError, match=r"no module is called no\.such"):
+        code_digest("pipeline", without=("no.such",))
 
 
 def test_every_number_of_an_episode_counts() -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gaia_uwb.denoisers import make_denoiser
-from gaia_uwb.errors import ConfigError
+from gaia_uwb._shared.errors import ConfigError
+from gaia_uwb.denoisers.registry import make_denoiser
 from gaia_uwb.reproduce.inspection import gate_and_layout
 from tiny_models import NETWORKS, make_run, train_tiny
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from gaia_uwb.errors import ConfigError
+from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb.reproduce.jobs import Job, run_jobs
 
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tiny import TINY, make_workshop
 
 from gaia_uwb.reproduce import outdoor
 from gaia_uwb.reproduce.outdoor import alignment_tables
 from gaia_uwb.reproduce.plan import CLASSICAL, VARIANTS
+from tiny import TINY, make_workshop
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tiny import TINY, make_workshop
 
 from gaia_uwb.reproduce import parts
 from gaia_uwb.reproduce.page import results_page
 from gaia_uwb.reproduce.parts import PARTS, read_results, run_all, run_part
+from tiny import TINY, make_workshop
 
 pytest.importorskip("torch", reason="PyTorch is not installed: no model can be trained here")
 

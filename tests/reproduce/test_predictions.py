@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gaia_uwb._shared.files import OutputFolder
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.files import OutputFolder
 from gaia_uwb.pipeline import prepare, reconstruct_episodes
 from gaia_uwb.reproduce import predictions
 from gaia_uwb.reproduce.plan import paper_solver

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from gaia_uwb.metrics import Metric
+from gaia_uwb.evaluate.metrics import Metric
 from gaia_uwb.reproduce.predictions import Predictions
 from gaia_uwb.reproduce.scores import Row, Table, difference, table_json
 from tiny_models import make_run

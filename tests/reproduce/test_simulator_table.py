@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from gaia_uwb.errors import InputError
-from gaia_uwb.files import OutputFolder
+from gaia_uwb._shared.errors import InputError
+from gaia_uwb._shared.files import OutputFolder
 from gaia_uwb.reproduce.plan import Plan
 from gaia_uwb.reproduce.simulator_table import (
     reproduce_table5,
@@ -18,7 +18,7 @@ from gaia_uwb.reproduce.simulator_table import (
     table_text,
 )
 from gaia_uwb.simulate.presets import load_preset
-from gaia_uwb.simulator_check import SimulatorCheck
+from gaia_uwb.simulate.reality.check import SimulatorCheck
 from surveyed import make_runs
 
 FILES = {

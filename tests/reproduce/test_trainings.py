@@ -7,9 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tiny import TINY
 
-from gaia_uwb.errors import ConfigError
+from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb.learn.recipes import KINDS
 from gaia_uwb.reproduce import trainings
 from gaia_uwb.reproduce.jobs import run_jobs
@@ -21,6 +20,7 @@ from gaia_uwb.reproduce.trainings import (
     train_model,
     with_bases,
 )
+from tiny import TINY
 
 pytest.importorskip("torch", reason="PyTorch is not installed: no model can be trained here")
 

@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from itertools import islice
 from multiprocessing import active_children
 
 import numpy as np
 import pytest
 
+from alike import assert_same
+from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import ConfigError
 from gaia_uwb.simulate import PRESETS, simulate_episode, simulate_episodes
 from gaia_uwb.simulate.settings import PassConfig
 from gaia_uwb.simulate.variation import layout_part
-
-
-def assert_same(a: object, b: object) -> None:
-    for field in fields(a):  # type: ignore[arg-type]  # an episode or its truth
-        one, other = getattr(a, field.name), getattr(b, field.name)
-        if isinstance(one, np.ndarray):
-            np.testing.assert_array_equal(one, other, err_msg=field.name)
-        elif field.name == "truth":
-            assert_same(one, other)
-        else:
-            assert one == other
 
 
 @pytest.mark.parametrize("preset", ["stress", "wild"])

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._shared.arrays import Array, Float64
 from gaia_uwb.simulate.layouts import (
     place_anchors,
     plan_zone,

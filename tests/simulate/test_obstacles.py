@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, box
 
-from gaia_uwb._typing import Array, Bool, Float64
+from gaia_uwb._shared.arrays import Array, Bool, Float64
 from gaia_uwb.simulate.layouts import plan_zone
 from gaia_uwb.simulate.obstacles import Obstacles, place_obstacles
 from gaia_uwb.simulate.rows import PassRows

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import ConfigError
 from gaia_uwb.simulate import (
     PRESETS,
     PassConfig,

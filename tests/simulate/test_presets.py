@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb.config import dump_config
-from gaia_uwb.errors import ConfigError
 from gaia_uwb.simulate.presets import DEFAULT_PRESET, PRESETS, find_preset, load_preset
 from gaia_uwb.simulate.rows import PassRows
 from gaia_uwb.simulate.settings import (

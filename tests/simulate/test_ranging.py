@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gaia_uwb._typing import Array, Bool, Float64
+from gaia_uwb._shared.arrays import Array, Bool, Float64
 from gaia_uwb.simulate.ranging import Reports, received_power, simulate_reports
 from gaia_uwb.simulate.settings import RangingConfig
 

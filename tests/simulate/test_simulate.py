@@ -10,21 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from gaia_uwb._typing import Array, Float64
-from gaia_uwb.errors import ConfigError, SourceError
+from alike import assert_same
+from gaia_uwb._shared.arrays import Array, Float64
+from gaia_uwb._shared.errors import ConfigError, SourceError
 from gaia_uwb.scene import Scene
-from gaia_uwb.simulate import PRESETS, PassConfig, load, simulate, simulate_pass
+from gaia_uwb.simulate import PRESETS, PassConfig, simulate, simulate_pass
 from gaia_uwb.simulate.settings import ClosureConfig, DriveConfig, RangingConfig, RoadConfig
+from gaia_uwb.simulate.source import load
 
 DEFAULT = PRESETS["lane-closure"]
-
-
-def assert_same(a: Scene, b: Scene) -> None:
-    assert (a.name, a.anchor_ids, a.frame) == (b.name, b.anchor_ids, b.frame)
-    for x, y in ((a, b), (a.trajectory, b.trajectory), (a.ranges, b.ranges), (a.truth, b.truth)):
-        for key, value in vars(x).items():
-            if isinstance(value, np.ndarray):
-                np.testing.assert_array_equal(value, vars(y)[key], err_msg=key)
 
 
 def slant_m(scene: Scene, offset_s: float) -> Float64[Array, "R"]:

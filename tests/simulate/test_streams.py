@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gaia_uwb.errors import ConfigError
+from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb.simulate.streams import RowStreams, Source
 
 

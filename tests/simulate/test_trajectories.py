@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._shared.arrays import Array, Float64
 from gaia_uwb.simulate.layouts import plan_zone
 from gaia_uwb.simulate.settings import ClosureConfig, DriveConfig, PassConfig, RoadConfig
 from gaia_uwb.simulate.trajectories import PHASES, Drive, plan_drive, record_positions

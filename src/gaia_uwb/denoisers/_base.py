@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._shared import Array, Float64
 from gaia_uwb.config import Settings
 from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.episode import Episode
@@ -39,8 +39,8 @@ class Denoiser(ABC):
         An instance of the class's ``Options``.
     """
 
-    Options: ClassVar[type[Options]]
-    """Model of its options."""
+    Options: ClassVar[type[Options]] = Options
+    """Model of its options; by default it has none."""
     uses_pose: ClassVar[bool] = False
     """Whether the vehicle's pose takes part."""
     locates: ClassVar[bool] = False

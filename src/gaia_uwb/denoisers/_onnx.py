@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
-from gaia_uwb.errors import ConfigError
+from gaia_uwb._shared import ConfigError
 
 if TYPE_CHECKING:
     import onnxruntime

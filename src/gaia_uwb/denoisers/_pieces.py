@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64, Int64
+from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.denoised import DenoisedRanges, ZonePosterior
 from gaia_uwb.episode import Episode
-from gaia_uwb.models.description import SET_FARTHEST_M, SET_LONGEST_STEPS, SET_MOST_ANCHORS
+from gaia_uwb.models import SET_FARTHEST_M, SET_LONGEST_STEPS, SET_MOST_ANCHORS
 
 _SURE = 2.0  # log odds of a side from which on a section may contradict another
 

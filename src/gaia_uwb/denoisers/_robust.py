@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
-from gaia_uwb._typing import Array, Float64, Int64
+from gaia_uwb._shared import Array, Float64, Int64
 from gaia_uwb.denoisers._base import Options
 
 _BLOCK = 1 << 15  # windows sorted at a time: they stay in the cache

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64
+from gaia_uwb._shared import Array, Bool, Float64
 from gaia_uwb.denoisers._base import ColumnRanges
 from gaia_uwb.denoisers._robust import LocalLine
 

@@ -16,17 +16,25 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._shared import Array, ConfigError, Float64
 from gaia_uwb.denoised import DenoisedRanges, ZonePosterior
 from gaia_uwb.denoisers._base import Denoiser, Options
 from gaia_uwb.denoisers._onnx import start_session
 from gaia_uwb.denoisers._pieces import pieces_of, put_together
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import ConfigError
-from gaia_uwb.models.checkpoint import ONNX, find_model, read_file, read_set_description
-from gaia_uwb.models.description import SET_FARTHEST_M, SET_LONGEST_STEPS, SET_MOST_ANCHORS
-from gaia_uwb.models.path_frame import PathFrame
-from gaia_uwb.models.zone_inputs import ZoneInputs, zone_inputs, zone_readings
+from gaia_uwb.models import (
+    ONNX,
+    SET_FARTHEST_M,
+    SET_LONGEST_STEPS,
+    SET_MOST_ANCHORS,
+    PathFrame,
+    ZoneInputs,
+    find_model,
+    read_file,
+    read_set_description,
+    zone_inputs,
+    zone_readings,
+)
 
 if TYPE_CHECKING:
     import onnxruntime

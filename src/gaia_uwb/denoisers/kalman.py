@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._shared import Array, Float64
 from gaia_uwb.denoisers._base import ColumnDenoiser, ColumnRanges, Columns, Options
 from gaia_uwb.denoisers._robust import GateOptions, local_line, noise_m, without_spikes
 from gaia_uwb.denoisers._tracker import Motion, track

@@ -15,17 +15,24 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._shared import Array, ConfigError, Float64
 from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers._base import Denoiser, Options
 from gaia_uwb.denoisers._onnx import start_session
 from gaia_uwb.denoisers.median import Median, MedianOptions
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import ConfigError
 from gaia_uwb.estimate import Reason, ReasonKind
-from gaia_uwb.models.checkpoint import ONNX, find_model, read_description, read_file
-from gaia_uwb.models.plausible_correction import largest_median_correction_m
-from gaia_uwb.models.window_inputs import Features, blend, make_features, window_starts
+from gaia_uwb.models import (
+    ONNX,
+    Features,
+    blend,
+    find_model,
+    largest_median_correction_m,
+    make_features,
+    read_description,
+    read_file,
+    window_starts,
+)
 
 if TYPE_CHECKING:
     import onnxruntime

@@ -7,11 +7,11 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from gaia_uwb._typing import Array, Bool, Float64
+from gaia_uwb._shared import Array, Bool, Float64
 from gaia_uwb.denoisers._base import ColumnDenoiser, ColumnRanges, Columns, Options, Part
 from gaia_uwb.denoisers._robust import column_median
 from gaia_uwb.denoisers.kalman import KalmanOptions, TrackOptions, track_columns
-from gaia_uwb.multilateration import SolverOptions, solve
+from gaia_uwb.solver import SolverOptions, solve
 
 _UNIT_SIGMA_M = 0.1  # the solver finds each anchor's scale itself
 _BIAS_SIGMA_M = 0.3  # of the range bias that the solver may find beside the place

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
-from gaia_uwb.denoisers._base import ColumnDenoiser, ColumnRanges, Columns, Options
+from gaia_uwb.denoisers._base import ColumnDenoiser, ColumnRanges, Columns
 from gaia_uwb.denoisers._robust import local_line, noise_m
 
 _NEIGHBOURS = 10
@@ -21,8 +19,6 @@ class Raw(ColumnDenoiser):
     >>> make_denoiser("raw").uses_pose
     False
     """
-
-    Options: ClassVar[type[Options]] = Options
 
     def denoise(self, columns: Columns) -> ColumnRanges:
         """Return the ranges and one standard deviation per column; see the base class."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from gaia_uwb.figure_style import house_style, new_figure
+from gaia_uwb._shared import house_style, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,11 +10,10 @@ from typing import Annotated
 
 from pydantic import Field, ValidationError
 
-from gaia_uwb._text import shown
+from gaia_uwb._shared import ConfigError, read_yaml, shown
 from gaia_uwb.config import Settings, settings_problems
-from gaia_uwb.errors import ConfigError
 from gaia_uwb.learn.window_sets import LearningSetOptions
-from gaia_uwb.models.description import (
+from gaia_uwb.models import (
     GaiaOptions,
     MlpOptions,
     NetworkOptions,
@@ -22,7 +21,6 @@ from gaia_uwb.models.description import (
     TrainingOptions,
     per_step,
 )
-from gaia_uwb.strict_yaml import read_yaml
 
 KINDS: dict[str, NetworkOptions] = {
     "mlp": MlpOptions(),

@@ -16,13 +16,21 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gaia_uwb.errors import ConfigError
-from gaia_uwb.figure_style import figure_png
-from gaia_uwb.files import OutputFolder
+from gaia_uwb._shared import ConfigError, OutputFolder, figure_png
 from gaia_uwb.learn.loss_plots import plot_losses
-from gaia_uwb.models.card import model_card, set_model_card
-from gaia_uwb.models.checkpoint import CARD, DESCRIPTION, ONNX, WEIGHTS, pack, seal, unpack
-from gaia_uwb.models.description import ModelDescription, SetModelDescription
+from gaia_uwb.models import (
+    CARD,
+    DESCRIPTION,
+    ONNX,
+    WEIGHTS,
+    ModelDescription,
+    SetModelDescription,
+    model_card,
+    pack,
+    seal,
+    set_model_card,
+    unpack,
+)
 
 STATE = "training-state.safetensors"
 LOG = "training-log.jsonl"

@@ -19,9 +19,9 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
+from gaia_uwb._shared import ConfigError, InputError
 from gaia_uwb.config import AlignmentConfig, CalibrationConfig, PipelineConfig, Settings
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import ConfigError, InputError
 from gaia_uwb.pipeline import prepare
 from gaia_uwb.scene import Scene
 

@@ -19,17 +19,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from gaia_uwb._shared import ConfigError, InputError, OutputFolder
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import ConfigError, InputError
-from gaia_uwb.files import OutputFolder
-from gaia_uwb.learn.networks import Gaia, make_network
-from gaia_uwb.learn.networks.augmentation import varied
-from gaia_uwb.learn.networks.export import export_onnx
-from gaia_uwb.learn.networks.window_losses import Batch, loss_terms
+from gaia_uwb.learn.networks import Batch, Gaia, export_onnx, loss_terms, make_network, varied
 from gaia_uwb.learn.training_folder import Means, read_state, write_model, write_state
 from gaia_uwb.learn.window_sets import LearningSets
-from gaia_uwb.models.checkpoint import read_description, read_weights
-from gaia_uwb.models.description import (
+from gaia_uwb.models import (
     Domain,
     GaiaOptions,
     ModelDescription,
@@ -37,10 +32,13 @@ from gaia_uwb.models.description import (
     Normalisation,
     PoseMlpOptions,
     TrainingOptions,
+    make_features,
+    make_targets,
     per_step,
+    plausible_correction_m,
+    read_description,
+    read_weights,
 )
-from gaia_uwb.models.plausible_correction import plausible_correction_m
-from gaia_uwb.models.window_inputs import make_features, make_targets
 
 BASE = "base"
 """Sub-folder of the PoseMLP that ``gaia`` was built on."""

@@ -10,7 +10,7 @@ portion mixes, in the shares of :data:`MIX`,
 
 All draw from the training part of the layouts; the test's have never been in a portion. Half of all
 batches get what an alignment does to a log: ranges of neighbouring readings blended, short gaps
-closed (``alignment.py``). Half are freed of the radios' common bias and say so, like a log that
+closed (``timeline.py``). Half are freed of the radios' common bias and say so, like a log that
 was calibrated (``calibration.py``).
 """
 
@@ -21,12 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Float64, Int64
+from gaia_uwb._shared import Array, Float64, Int64
 from gaia_uwb.episode import bias_basis
-from gaia_uwb.models.zone_inputs import ZoneInputs, ZoneReadings, zone_inputs
-from gaia_uwb.simulate import find_preset
-from gaia_uwb.simulate.blocks import EpisodeBlock, simulate_blocks
-from gaia_uwb.simulate.roaming import simulate_roaming
+from gaia_uwb.models import ZoneInputs, ZoneReadings, zone_inputs
+from gaia_uwb.simulate import EpisodeBlock, find_preset, simulate_blocks, simulate_roaming
 
 __all__ = ["MIX", "ZoneBatch", "training_portion", "validation_portion"]
 

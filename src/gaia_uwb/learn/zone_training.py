@@ -17,19 +17,18 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from gaia_uwb.errors import ConfigError
-from gaia_uwb.files import OutputFolder
-from gaia_uwb.learn.networks.gaia_set import GaiaSet
-from gaia_uwb.learn.networks.set_export import export_set_onnx
-from gaia_uwb.learn.networks.zone_losses import (
+from gaia_uwb._shared import ConfigError, OutputFolder
+from gaia_uwb.learn.networks import (
+    GaiaSet,
     ZoneTargets,
+    export_set_onnx,
     place_log_density,
     wrong_side_share,
     zone_losses,
 )
 from gaia_uwb.learn.training_folder import Means, read_state, write_model, write_state
 from gaia_uwb.learn.zone_sets import MIX, ZoneBatch, training_portion, validation_portion
-from gaia_uwb.models.description import GaiaSetOptions, SetModelDescription, SetTrainingOptions
+from gaia_uwb.models import GaiaSetOptions, SetModelDescription, SetTrainingOptions
 
 __all__ = ["SetTask", "train_set"]
 

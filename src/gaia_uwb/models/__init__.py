@@ -1,1 +1,5 @@
-"""What a trained model is, what it sees of an episode, and its files, without PyTorch."""
+"""Describe a trained model, what it sees of an episode, and its files; without PyTorch."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

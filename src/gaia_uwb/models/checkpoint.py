@@ -21,8 +21,7 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import ValidationError
 
-from gaia_uwb._typing import Array
-from gaia_uwb.errors import ConfigError
+from gaia_uwb._shared import Array, ConfigError
 from gaia_uwb.models.description import SCHEMA, ModelDescription, SetModelDescription
 
 DESCRIPTION = "model.json"

@@ -11,9 +11,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 
+from gaia_uwb._shared import InputError
 from gaia_uwb.config import Settings
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import InputError
 
 SCHEMA = 1
 """Version of the files that hold a model."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._shared import Array, Float64
 
 _LARGEST_BEND_PER_M = 0.02  # of the parabola; beyond, a path is no road to be continued
 _RIDGE = np.array([1e-4, 1e-3, 1e-3])  # a path that stands still has no slope and no bend

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64
+from gaia_uwb._shared import Array, Bool, Float64
 from gaia_uwb.episode import Episode
 
 _LEAST_RANGES = 6  # an anchor with fewer in a window has no median to speak of

@@ -1,7 +1,7 @@
 """From episodes to the normalised, padded tensors of a network, and back.
 
 Here numbers change their type: episodes are float64 in metres, the paper's networks take float32 in
-units of :class:`gaia_uwb.models.description.Normalisation`.
+units of :class:`gaia_uwb.models.Normalisation`.
 """
 
 from __future__ import annotations
@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Float32, Float64
+from gaia_uwb._shared import Array, Float32, Float64, InputError
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import InputError
 from gaia_uwb.models.description import Normalisation
 
 

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float32, Float64
+from gaia_uwb._shared import Array, Bool, Float32, Float64
 from gaia_uwb.episode import Episode
 from gaia_uwb.models.path_frame import PathFrame, road_parabola
-from gaia_uwb.multilateration import SolverOptions, solve
+from gaia_uwb.solver import SolverOptions, solve
 
 __all__ = ["ZoneInputs", "ZoneReadings", "zone_inputs", "zone_readings"]
 

@@ -13,3 +13,7 @@
 ``parts``        one function per part; results.json
 ``page``         the page of results
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,7 +1,8 @@
 """Checksums that say whether something kept from an earlier run still counts.
 
-Code is compared by what it does: comments, docstrings and layout do not count. What a module
-depends on is found by following its imports, so that no list of files can go out of date.
+Code is compared by what it does: comments, docstrings, layout and the place of a file do not count.
+What a module depends on is found by following its imports, through the faces of folders, so that no
+list of files can go out of date.
 """
 
 from __future__ import annotations
@@ -16,10 +17,9 @@ from typing import Any
 
 import numpy as np
 
-import gaia_uwb
 from gaia_uwb.episode import Episode
 
-_PACKAGE = Path(gaia_uwb.__file__).parent
+_PACKAGE = Path(__file__).parents[1]
 _CHUNK = 16
 
 
@@ -66,15 +66,22 @@ def code_digest(*modules: str, without: tuple[str, ...] = ()) -> str:
     Parameters
     ----------
     modules
-        Names inside the package, such as ``locate``; a folder's name stands for all its files.
+        Names inside the package, such as ``zone.sides``; a folder's name stands for all its files.
     without
-        Modules that are not followed, since nothing that counts depends on them.
+        Modules or folders that are not followed, since nothing that counts depends on them.
+
+    Raises
+    ------
+    ValueError
+        If there is no module of a name: it would be left out without a word.
     """
+    if missing := [name for name in (*modules, *without) if not _files(name)]:
+        raise ValueError(f"no module is called {', '.join(missing)}")
     todo = [path for name in modules for path in _files(name)]
     found: dict[Path, str] = {}
     while todo:
         path = todo.pop()
-        if path in found or _module(path) in without:
+        if path in found or _is_in(path, without):
             continue
         if path.suffix != ".py":
             found[path] = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -82,8 +89,7 @@ def code_digest(*modules: str, without: tuple[str, ...] = ()) -> str:
         tree = ast.parse(path.read_text(encoding="utf-8"))
         todo += [other for name in _imported(tree) for other in _imported_files(name)]
         found[path] = hashlib.sha256(ast.dump(_bare(tree)).encode()).hexdigest()
-    lines = sorted(f"{path.relative_to(_PACKAGE)} {value}" for path, value in found.items())
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:_CHUNK]
+    return hashlib.sha256("\n".join(sorted(found.values())).encode()).hexdigest()[:_CHUNK]
 
 
 def _files(name: str) -> list[Path]:
@@ -98,14 +104,18 @@ def _files(name: str) -> list[Path]:
 
 
 def _imported_files(name: str) -> list[Path]:
-    """Return the file of ``a.b``, or of ``a`` where ``b`` is a name inside it."""
-    base = _PACKAGE.joinpath(*name.split("."))
-    if base.is_dir():
-        return [base / "__init__.py"]
+    """Return the file of ``a.b``; of ``a`` or, if that is a face, of the file that it names."""
     if found := _files(name):
         return found
-    parent = name.rpartition(".")[0]
-    return _imported_files(parent) if parent else []
+    folder, _, last = name.rpartition(".")
+    stub = _PACKAGE.joinpath(*folder.split("."), "__init__.pyi")
+    if not stub.is_file():
+        return _files(folder) if folder else []
+    for node in ast.parse(stub.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ImportFrom) and last in {alias.name for alias in node.names}:
+            home = ".".join(filter(None, [folder, node.module]))
+            return _files(home) or _imported_files(f"{home}.{last}")
+    return []
 
 
 def _imported(tree: ast.AST) -> Iterable[str]:
@@ -117,14 +127,17 @@ def _imported(tree: ast.AST) -> Iterable[str]:
                 yield from (".".join([*words[1:], alias.name]) for alias in node.names)
 
 
-def _module(path: Path) -> str:
+def _is_in(path: Path, names: Sequence[str]) -> bool:
+    """Tell whether a file is one of the modules, or in one of the folders."""
     parts = path.relative_to(_PACKAGE).with_suffix("").parts
-    return ".".join(part for part in parts if part != "__init__")
+    return any(tuple(name.split(".")) == parts[: name.count(".") + 1] for name in names)
 
 
 def _bare(tree: ast.Module) -> ast.Module:
-    """Take the docstrings out of a module."""
+    """Take out the docstrings, and the places that imports name: where code lies does not count."""
     for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("gaia_uwb"):
+            node.module = "gaia_uwb"
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             node.body = [
                 line

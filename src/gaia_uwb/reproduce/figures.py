@@ -10,21 +10,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._shared import Array, Float64, OutputFolder, figure_files
 from gaia_uwb.denoisers import make_denoiser
-from gaia_uwb.distribution_plots import plot_boxes, plot_cdfs
 from gaia_uwb.episode import Episode
-from gaia_uwb.error_plots import plot_error_over_distance
-from gaia_uwb.figure_style import figure_files
-from gaia_uwb.files import OutputFolder
-from gaia_uwb.gate_plots import GateRecord, plot_gate
-from gaia_uwb.layout_plots import Zone, plot_layouts
-from gaia_uwb.learn.loss_plots import plot_losses
+from gaia_uwb.learn import plot_losses
 from gaia_uwb.reproduce.formats import QUICK_MARK
 from gaia_uwb.reproduce.plan import METHODS
+from gaia_uwb.reproduce.plots import (
+    GateRecord,
+    Zone,
+    plot_boxes,
+    plot_cdfs,
+    plot_error_over_distance,
+    plot_gate,
+    plot_layouts,
+    plot_robustness,
+)
 from gaia_uwb.reproduce.scores import Row, Table
 from gaia_uwb.reproduce.workshop import OUTDOOR, Workshop
-from gaia_uwb.robustness_plots import plot_robustness
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -183,7 +186,7 @@ def _zone(table: Table, rows: Mapping[str, Row], k: int, title: str) -> Zone:
 
 def _training_log(workshop: Workshop) -> list[dict[str, Any]]:
     """Return the log of GAIA's training on the stress preset."""
-    from gaia_uwb.learn.training_folder import LOG
+    from gaia_uwb.learn import LOG
 
     seed = workshop.plan.stress_seeds[0]
     path = workshop.models.path / f"gaia-seed{seed}" / LOG

@@ -8,12 +8,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._shared import Array, ConfigError, Float64
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import ConfigError
-from gaia_uwb.learn.networks.gaia import Gaia
-from gaia_uwb.models.checkpoint import read_description, read_weights
-from gaia_uwb.models.window_inputs import make_features
+from gaia_uwb.learn import Gaia
+from gaia_uwb.models import make_features, read_description, read_weights
 
 
 def gate_and_layout(

@@ -23,7 +23,7 @@ from typing import Any
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.evaluate import make_test
-from gaia_uwb.learn.window_sets import held_out, n_folds, preparation_config
+from gaia_uwb.learn import held_out, n_folds, preparation_config
 from gaia_uwb.reproduce.plan import (
     CLASSICAL,
     TRAINING_PRESET,

@@ -277,7 +277,7 @@ def _part_key(workshop: Workshop) -> str:
     code = code_digest(
         "reproduce.robustness", "reproduce.outdoor", "reproduce.stress_test", "denoisers",
         "reproduce.simulator_table", "simulate",
-        without=("files", "figure_style", "reproduce.formats", "error_plots"),
+        without=("_shared.files", "_shared.figures", "reproduce.formats", "reproduce.plots"),
     )  # fmt: skip
     return digest_of([workshop.plan.describe(), code])
 

@@ -19,10 +19,10 @@ from gaia_uwb.config import (
     SolverConfig,
 )
 from gaia_uwb.denoisers import DENOISERS
-from gaia_uwb.learn.recipes import ABLATIONS, KINDS, Recipe, make_recipe
-from gaia_uwb.models.description import GaiaOptions, NetworkOptions
+from gaia_uwb.evaluate import STRESSORS, Stressor
+from gaia_uwb.learn import ABLATIONS, KINDS, Recipe, make_recipe
+from gaia_uwb.models import GaiaOptions, NetworkOptions
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
-from gaia_uwb.stressors import STRESSORS, Stressor
 
 TEST_PRESET, TRAINING_PRESET, TEST_SEED = "stress-test", "stress", 0
 """The stress test, its seed, and what its models are trained on."""

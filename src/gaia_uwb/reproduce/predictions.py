@@ -19,20 +19,25 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool
+from gaia_uwb._shared import Array, Bool, OutputFolder
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers import denoiser_identity, make_denoiser
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
-from gaia_uwb.files import OutputFolder
 from gaia_uwb.locate import locate
 from gaia_uwb.pipeline import reconstruct_episodes
 from gaia_uwb.reproduce.digests import code_digest, digest_of, episodes_digest
-from gaia_uwb.sides import resolve_sides
+from gaia_uwb.zone import resolve_sides
 
-_CODE = ("pipeline", "locate", "sides", "denoisers", "reproduce.predictions")
-_NOT_FOLLOWED = ("files", "learn.window_sets", "reproduce.digests", "simulate", "config")
+_CODE = ("pipeline", "locate.hypotheses", "zone.sides", "denoisers", "reproduce.predictions")
+_NOT_FOLLOWED = (
+    "_shared.files",
+    "learn.window_sets",
+    "reproduce.digests",
+    "simulate",
+    "config",
+)
 _STATUSES = tuple(AnchorStatus)
 
 

@@ -8,13 +8,12 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from gaia_uwb.metrics import aggregate
+from gaia_uwb.evaluate import Stressor, aggregate, stress
 from gaia_uwb.reproduce.plan import BASELINES, Method, existing_methods
 from gaia_uwb.reproduce.predictions import whole
 from gaia_uwb.reproduce.scores import NO_SPLIT, Row, difference, score_row
 from gaia_uwb.reproduce.stress_test import stress_denoisers, stress_protocol
 from gaia_uwb.reproduce.workshop import STRESS_SOLVERS, Workshop
-from gaia_uwb.stressors import Stressor, stress
 
 METRICS = ("polygon_iou", "polygon_hausdorff", "anchor_mae", "distance_mse_overall")
 _STRESS_SEED = 7

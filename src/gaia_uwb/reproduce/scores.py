@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from gaia_uwb.bootstrap import paired_difference
 from gaia_uwb.episode import Episode
-from gaia_uwb.metrics import Metric, aggregate, score_episode
+from gaia_uwb.evaluate import Metric, aggregate, paired_difference, score_episode
 from gaia_uwb.reproduce.paper import METRICS
 from gaia_uwb.reproduce.plan import REFERENCES
 from gaia_uwb.reproduce.predictions import Pieces, Predictions

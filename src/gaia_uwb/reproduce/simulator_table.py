@@ -8,20 +8,19 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, astuple
 from typing import Any
 
-from gaia_uwb.error_plots import plot_autocorrelation, plot_quantiles
-from gaia_uwb.error_statistics import ErrorSummary
-from gaia_uwb.figure_style import figure_files
-from gaia_uwb.files import OutputFolder
+from gaia_uwb._shared import OutputFolder, figure_files
 from gaia_uwb.reproduce.formats import QUICK_MARK, marked
 from gaia_uwb.reproduce.plan import Plan
+from gaia_uwb.reproduce.plots import plot_autocorrelation, plot_quantiles
 from gaia_uwb.scene import Scene
-from gaia_uwb.sim_calibration import preset_text
-from gaia_uwb.simulator_check import (
+from gaia_uwb.simulate import (
     PAPER_ROWS,
     VIEWS,
+    ErrorSummary,
     Row,
     SimulatorCheck,
     check_simulator,
+    preset_text,
 )
 
 _HEADINGS = ("mean (m)", "p95 (m)", "p99 (m)", "outlier rate", "burst mean", "burst p95")

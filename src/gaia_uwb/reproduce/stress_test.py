@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from gaia_uwb.learn.recipes import KINDS
+from gaia_uwb.learn import KINDS
 from gaia_uwb.reproduce.plan import TEST_PRESET, TEST_SEED, TRAINING_PRESET, Method
 from gaia_uwb.reproduce.predictions import whole
 from gaia_uwb.reproduce.scores import NO_SPLIT, Table, score_row

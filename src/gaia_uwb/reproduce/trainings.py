@@ -16,12 +16,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from gaia_uwb._shared import OutputFolder
 from gaia_uwb.episode import Episode
-from gaia_uwb.files import OutputFolder
-from gaia_uwb.learn.recipes import Recipe
-from gaia_uwb.learn.window_sets import LearningSetOptions, LearningSets, logged_sets, simulated_sets
-from gaia_uwb.models.checkpoint import DESCRIPTION, read_description
-from gaia_uwb.models.description import GaiaOptions, Normalisation
+from gaia_uwb.learn import LearningSetOptions, LearningSets, Recipe, logged_sets, simulated_sets
+from gaia_uwb.models import DESCRIPTION, GaiaOptions, Normalisation, read_description
 from gaia_uwb.reproduce.digests import code_digest, digest_of, episodes_digest
 from gaia_uwb.reproduce.jobs import Job
 from gaia_uwb.reproduce.plan import TRAINING_PRESET, Plan
@@ -35,9 +33,9 @@ _CODE = (
 )  # fmt: skip
 # What a training imports for its files and pictures, and what the key holds the values of.
 _NOT_FOLLOWED = (
-    "bootstrap", "config", "episode", "errors", "files", "learn.loss_plots", "learn.networks",
-    "learn.training_folder", "learn.window_sets", "models.card", "models.description", "plots",
-    "_typing",
+    "_shared", "config", "episode", "evaluate.bootstrap", "learn.loss_plots",
+    "learn.networks.make", "learn.training_folder", "learn.window_sets", "models.card",
+    "models.description",
 )  # fmt: skip
 
 # Seconds on one thread; only the order of the jobs and the time left depend on them.
@@ -167,7 +165,7 @@ def with_bases(trainings: Iterable[Training], plan: Plan) -> list[Training]:
     plan
         Gives the recipe of a base.
     """
-    from gaia_uwb.learn.recipes import KINDS
+    from gaia_uwb.learn import KINDS
 
     found: dict[Path, Training] = {}
     for training in trainings:
@@ -203,8 +201,7 @@ def train_model(training: Training) -> bool:
         stamp = None
     if stamp is not None and stamp["done"] and (training.place / DESCRIPTION).is_file():
         return False
-    from gaia_uwb.learn.training_folder import STATE
-    from gaia_uwb.learn.window_training import Task, train
+    from gaia_uwb.learn import STATE, Task, train
 
     taken_up = stamp is None and (training.place / STATE).is_file()
     note: dict[str, Any] = stamp or {"key": key, "seconds": 0.0, "taken_up": taken_up}
@@ -282,7 +279,7 @@ def _key(training: Training, sets: LearningSets) -> str:
 
 def _forget(folder: OutputFolder) -> None:
     """Remove a stale model, so that its state is not taken up."""
-    from gaia_uwb.learn.training_folder import STATE
+    from gaia_uwb.learn import STATE
 
     for name in (STATE, DESCRIPTION, STAMP):
         folder.remove(name)

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from gaia_uwb._shared import OutputFolder
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import Episode
-from gaia_uwb.files import OutputFolder
-from gaia_uwb.learn.window_sets import LearningSetOptions, prepare_runs
+from gaia_uwb.learn import LearningSetOptions, prepare_runs
 from gaia_uwb.reproduce.jobs import n_cores, run_jobs
 from gaia_uwb.reproduce.plan import (
     TEST_PRESET,

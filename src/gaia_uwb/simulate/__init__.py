@@ -9,62 +9,6 @@ alone is pass k of the batch.
 (8, 481, 0.2)
 """
 
-from __future__ import annotations
+import lazy_loader
 
-from dataclasses import replace
-
-from gaia_uwb.errors import ConfigError, SourceError
-from gaia_uwb.scene import Scene
-from gaia_uwb.simulate.batches import simulate, simulate_episodes
-from gaia_uwb.simulate.passes import simulate_episode, simulate_pass, simulate_zone
-from gaia_uwb.simulate.presets import DEFAULT_PRESET, PRESETS, find_preset
-from gaia_uwb.simulate.settings import PassConfig
-
-__all__ = [
-    "PRESETS",
-    "PassConfig",
-    "find_preset",
-    "load",
-    "simulate",
-    "simulate_episode",
-    "simulate_episodes",
-    "simulate_pass",
-    "simulate_zone",
-]
-
-
-def load(part: str = "") -> list[Scene]:
-    """Simulate the passes that a source's name asks for.
-
-    Parameters
-    ----------
-    part
-        ``PRESET/SEED/N``, ``PRESET/SEED`` (one pass), ``PRESET`` (seed 0) or nothing (the default
-        preset): what follows ``sim:`` in a source's name.
-
-    Raises
-    ------
-    SourceError
-        If there is no such preset, the seed is no whole number, or N none of at least 1.
-
-    Examples
-    --------
-    >>> [scene.name for scene in load("straight/7")]
-    ['sim:straight/7']
-    """
-    preset, *numbers = (part or DEFAULT_PRESET).split("/")
-    try:
-        config = find_preset(preset)
-    except ConfigError as error:
-        raise SourceError(f"sim:{part}: {error}") from error
-    if len(numbers) > 2 or not all(text.isascii() and text.isdigit() for text in numbers):
-        problem = f"expected whole numbers as seed and count, got {'/'.join(numbers)!r}"
-        raise SourceError(f"sim:{part}: {problem}")
-    seed, n = [*map(int, numbers), 0, 1][:2] if len(numbers) != 1 else (int(numbers[0]), 1)
-    if n < 1:
-        raise SourceError(f"sim:{part}: expected at least one pass, got 0")
-    name = f"sim:{preset}/{seed}"
-    return [
-        replace(scene, name=name if n == 1 else f"{name}/{k}")
-        for k, scene in enumerate(simulate(config, n, seed))
-    ]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

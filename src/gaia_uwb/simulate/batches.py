@@ -8,8 +8,8 @@ from contextlib import ExitStack
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 
+from gaia_uwb._shared import GaiaError
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import GaiaError
 from gaia_uwb.scene import Scene
 from gaia_uwb.simulate.blocks import EpisodeBlock, simulate_blocks
 from gaia_uwb.simulate.passes import simulate_pass
@@ -74,7 +74,7 @@ def simulate_episodes(
 
     Examples
     --------
-    >>> from gaia_uwb.simulate.presets import PRESETS
+    >>> from gaia_uwb.simulate import PRESETS
     >>> [episode.n_anchors for episode in simulate_episodes(PRESETS["stress"], 3, seed=0)]
     [9, 11, 10]
     """

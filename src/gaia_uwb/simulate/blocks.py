@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64
+from gaia_uwb._shared import Array, Bool, Float64
 from gaia_uwb.episode import Episode, EpisodeTruth
 from gaia_uwb.simulate.presets import PLACE
 from gaia_uwb.simulate.ranging import simulate_rows

@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64, Int64
+from gaia_uwb._shared import Array, Bool, Float64, Int64
 
 Column: TypeAlias = "float | Float64[Array, 'N 1']"
 """A number for all rows, or one for each."""

@@ -33,7 +33,7 @@ from typing import Any
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64, Int64
+from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.simulate.chains import Column
 from gaia_uwb.simulate.rows import PassSettings, SectionRows
 from gaia_uwb.simulate.settings import RoadConfig

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64, Int64
+from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.simulate.layouts import plan_zone, road_to_local
 from gaia_uwb.simulate.rows import PassRows, each
 from gaia_uwb.simulate.streams import Stream

@@ -12,9 +12,8 @@ from dataclasses import replace
 import numpy as np
 from pydantic import ValidationError
 
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._shared import Array, ConfigError, Float64
 from gaia_uwb.episode import Episode
-from gaia_uwb.errors import ConfigError
 from gaia_uwb.scene import RangeLog, Scene, Trajectory, Truth
 from gaia_uwb.simulate.blocks import anchor_ids, simulate_blocks
 from gaia_uwb.simulate.presets import PLACE
@@ -59,7 +58,7 @@ def simulate_zone(
 
     Examples
     --------
-    >>> from gaia_uwb.simulate.presets import PRESETS
+    >>> from gaia_uwb.simulate import PRESETS
     >>> near, far = simulate_zone(PRESETS["straight"], seed=0)
     >>> bool((near.truth.anchor_m == far.truth.anchor_m).all()), near.name, far.name
     (True, 'sim-0-0-pass-0', 'sim-0-0-pass-1')
@@ -169,7 +168,7 @@ def simulate_episode(config: PassConfig, seed: int, *, episode: int = 0) -> Epis
 
     Examples
     --------
-    >>> from gaia_uwb.simulate.presets import PRESETS
+    >>> from gaia_uwb.simulate import PRESETS
     >>> simulate_episode(PRESETS["stress"], seed=0).n_steps
     64
     """

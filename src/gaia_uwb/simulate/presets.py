@@ -3,7 +3,7 @@
 Where a default imitates a measurement, it is the outdoor UWB data set's: polls at 10 Hz, a clock
 0.2 s late, bursts that are nearly all negative, a received power that hardly falls with distance.
 
->>> from gaia_uwb.simulate.presets import PRESETS
+>>> from gaia_uwb.simulate import PRESETS
 >>> list(PRESETS)
 ['lane-closure', 'straight', 'parked', 'naive', 'calibrated', 'stress', 'wild']
 """
@@ -15,8 +15,8 @@ from types import MappingProxyType
 
 from pydantic import ValidationError
 
+from gaia_uwb._shared import ConfigError, read_yaml
 from gaia_uwb.config import settings_problems
-from gaia_uwb.errors import ConfigError
 from gaia_uwb.scene import LocalFrame
 from gaia_uwb.simulate.settings import (
     ClosureConfig,
@@ -25,7 +25,6 @@ from gaia_uwb.simulate.settings import (
     RangingConfig,
     RoadConfig,
 )
-from gaia_uwb.strict_yaml import read_yaml
 
 __all__ = [
     "DEFAULT_PRESET",

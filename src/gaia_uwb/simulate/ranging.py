@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64, Int64
+from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.episode import bias_basis
 from gaia_uwb.simulate.chains import Column, at_steps, correlated, two_state
 from gaia_uwb.simulate.rows import SectionRows, at

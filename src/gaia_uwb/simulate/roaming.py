@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Float64
+from gaia_uwb._shared import Array, Float64
 from gaia_uwb.simulate.blocks import EpisodeBlock
 from gaia_uwb.simulate.ranging import simulate_rows
 from gaia_uwb.simulate.rows import PassRows, each

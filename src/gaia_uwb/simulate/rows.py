@@ -2,7 +2,7 @@
 
 A setting that all passes share stays a number; one that varies is a column (R, 1) with one row per
 pass, or per anchor after :meth:`PassRows.at`. Both work in the same formulas with arrays (R, P),
-and a pass made alone has numbers only, like a :class:`~gaia_uwb.simulate.settings.PassConfig`.
+and a pass made alone has numbers only, like a :class:`~gaia_uwb.simulate.PassConfig`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Int64
+from gaia_uwb._shared import Array, Int64
 from gaia_uwb.simulate.settings import SECTIONS, Choice, PassConfig
 
 

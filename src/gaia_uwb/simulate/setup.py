@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64, Int64
+from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.simulate.layouts import ZonePlan, place_anchors, plan_zone
 from gaia_uwb.simulate.obstacles import Obstacles, place_obstacles
 from gaia_uwb.simulate.rows import PassRows, each
@@ -150,7 +150,7 @@ def set_up(config: PassConfig, seed: int, episode: int, zone: int | None = None)
     Parameters
     ----------
     config, seed, episode, zone
-        Like :func:`~gaia_uwb.simulate.passes.simulate_pass`.
+        Like :func:`~gaia_uwb.simulate.simulate_pass`.
 
     Raises
     ------

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Float64
-from gaia_uwb.errors import ConfigError
+from gaia_uwb._shared import Array, ConfigError, Float64
 
 Stream = Callable[[str], np.random.Generator]
 """Gives the source of randomness of a name: one source per kind of number."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Bool, Float64
+from gaia_uwb._shared import Array, Bool, Float64
 from gaia_uwb.simulate.chains import Column, two_state
 from gaia_uwb.simulate.layouts import ZonePlan, road_to_local
 from gaia_uwb.simulate.rows import PassSettings, SectionRows, each

@@ -11,7 +11,7 @@ from zlib import crc32
 
 import numpy as np
 
-from gaia_uwb.errors import ConfigError
+from gaia_uwb._shared import ConfigError
 from gaia_uwb.simulate.rows import PassRows, PassSettings
 from gaia_uwb.simulate.settings import SECTIONS, Choice, PassConfig, is_span
 

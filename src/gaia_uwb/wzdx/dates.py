@@ -1,6 +1,7 @@
 """Dates in feeds: RFC 3339, in UTC.
 
->>> from gaia_uwb.wzdx.dates import date_text, parse_date
+>>> from gaia_uwb.wzdx.dates import date_text
+>>> from gaia_uwb.wzdx import parse_date
 >>> date_text(parse_date("2026-11-22T10:00:00+02:00"))
 '2026-11-22T08:00:00Z'
 """

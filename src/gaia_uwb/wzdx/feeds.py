@@ -18,11 +18,9 @@ from typing import Literal
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Float64
-from gaia_uwb.errors import ConfigError, InputError
+from gaia_uwb._shared import Array, ConfigError, Float64, InputError, OutputFolder
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
-from gaia_uwb.files import OutputFolder
-from gaia_uwb.geojson import Json, lon_lat
+from gaia_uwb.outputs import Json, lon_lat
 from gaia_uwb.wzdx.dates import date_text
 from gaia_uwb.wzdx.settings import FeedConfig
 from gaia_uwb.wzdx.validate import validate_document

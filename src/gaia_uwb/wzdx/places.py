@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any, TypeGuard
 
-from gaia_uwb._text import shown
+from gaia_uwb._shared import shown
 from gaia_uwb.wzdx.problems import Problem, json_path
 
 Step = str | int

@@ -1,6 +1,7 @@
 """What is wrong with a feed, and where: one line each.
 
->>> from gaia_uwb.wzdx.problems import Problem, json_path
+>>> from gaia_uwb.wzdx import Problem
+>>> from gaia_uwb.wzdx.problems import json_path
 >>> print(Problem(json_path("features", 0, "id"), "expected a text, got 7"))
 $.features[0].id: expected a text, got 7
 """

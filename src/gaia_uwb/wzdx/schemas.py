@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gaia_uwb.errors import ConfigError
+from gaia_uwb._shared import ConfigError
 from gaia_uwb.wzdx.dates import parse_date
 from gaia_uwb.wzdx.problems import Problem, json_path
 from gaia_uwb.wzdx.strict_json import read_json

@@ -1,6 +1,6 @@
 """What a feed says and no log knows: who publishes it, which road, from when to when.
 
->>> from gaia_uwb.wzdx.settings import make_feed_config
+>>> from gaia_uwb.wzdx import make_feed_config
 >>> config = make_feed_config({
 ...     "publisher": "Test DOT", "data_source": {"organization_name": "Test DOT"},
 ...     "road_names": ["I-80"], "direction": "westbound",
@@ -18,9 +18,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 
+from gaia_uwb._shared import ConfigError, read_yaml
 from gaia_uwb.config import Settings, settings_problems
-from gaia_uwb.errors import ConfigError
-from gaia_uwb.strict_yaml import read_yaml
 from gaia_uwb.wzdx.dates import EXPECTED, in_utc, parse_date
 from gaia_uwb.wzdx.words import Direction, EventStatus, Profile, VehicleImpact, WorkZoneType
 

@@ -12,8 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NoReturn
 
-from gaia_uwb._text import shown
-from gaia_uwb.errors import InputError
+from gaia_uwb._shared import InputError, shown
 
 LARGEST_BYTES = 25_000_000
 """A larger file is refused: parsed, JSON may take thirty times its size."""

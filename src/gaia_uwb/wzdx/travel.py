@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from gaia_uwb._typing import Array, Float64, Int64
+from gaia_uwb._shared import Array, Float64, Int64
 
 _PASSING_FACTOR, _PASSING_MARGIN_M = 2.0, 10.0  # a passing much further away is another road's
 _ABOUT_AS_SHORT, _SHORT_M, _ABOUT_AS_NEAR_M = 1.2, 5.0, 1.0

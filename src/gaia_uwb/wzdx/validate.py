@@ -1,6 +1,6 @@
 """Check feeds: member by member, by the rules between members, and by the official schemas.
 
->>> from gaia_uwb.wzdx.validate import validate_document
+>>> from gaia_uwb.wzdx import validate_document
 >>> for problem in validate_document({"type": "FeatureCollection", "features": []}):
 ...     print(problem)
 $.feed_info: required
@@ -16,7 +16,7 @@ from typing import Any, Literal, TypeAlias
 
 from pydantic import ValidationError
 
-from gaia_uwb._text import shown
+from gaia_uwb._shared import shown
 from gaia_uwb.wzdx import models
 from gaia_uwb.wzdx.places import Step, check_bbox, check_geometry
 from gaia_uwb.wzdx.problems import Problem, json_path

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gaia_uwb.estimate import AnchorFix
-from gaia_uwb.geojson import Json, confidence_ellipse
+from gaia_uwb.outputs import Json, confidence_ellipse
 
 _CONFIDENCE = 0.95
 _MOST_WORDS = 1000  # characters

@@ -13,9 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gaia_uwb._text import shown
-from gaia_uwb._typing import Array, Float64
-from gaia_uwb.errors import InputError
+from gaia_uwb._shared import Array, Float64, InputError, shown
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
 from gaia_uwb.projection import to_local
 from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus

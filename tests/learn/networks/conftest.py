@@ -15,7 +15,7 @@ def build() -> Callable[..., Any]:
     """Return a network by its name in ``NETWORKS``, the same weights whenever it is called."""
     import torch
 
-    from gaia_uwb.learn.networks import make_network
+    from gaia_uwb.learn.networks.make import make_network
 
     def make(name: str, n_anchors: int = N_ANCHORS) -> torch.nn.Module:
         with torch.random.fork_rng(devices=[]):

@@ -1,42 +1,5 @@
-"""The networks, their losses and their export.
+"""Define the networks, their losses and their export; needs PyTorch."""
 
-Nothing here is imported for a reconstruction: that runs the exported network in ONNX Runtime
-(``denoisers/neural.py``).
-"""
+import lazy_loader
 
-from __future__ import annotations
-
-from torch import nn
-
-from gaia_uwb.learn.networks.gaia import Gaia
-from gaia_uwb.learn.networks.mlp import Mlp
-from gaia_uwb.learn.networks.pose_mlp import PoseMlp
-from gaia_uwb.models.description import GaiaOptions, MlpOptions, NetworkOptions, PoseMlpOptions
-
-__all__ = ["Gaia", "Mlp", "PoseMlp", "make_network"]
-
-
-def make_network(n_anchors: int, options: NetworkOptions) -> nn.Module:
-    """Build a network with fresh weights from PyTorch's global generator.
-
-    Parameters
-    ----------
-    n_anchors
-        Number of anchors that it has channels for.
-    options
-        Their class says which network.
-
-    Examples
-    --------
-    >>> from gaia_uwb.models.description import GaiaOptions
-    >>> network = make_network(12, GaiaOptions())
-    >>> sum(weights.numel() for weights in network.parameters())
-    162940
-    """
-    match options:
-        case MlpOptions():
-            return Mlp(n_anchors, options)
-        case PoseMlpOptions():
-            return PoseMlp(n_anchors, options)
-        case GaiaOptions():
-            return Gaia(n_anchors, options)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

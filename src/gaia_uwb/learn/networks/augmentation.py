@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from gaia_uwb.learn.networks.window_losses import Batch
-from gaia_uwb.models.description import TrainingOptions
+from gaia_uwb.models import TrainingOptions
 
 
 def varied(

@@ -9,7 +9,7 @@ import torch
 from torch import nn
 
 INPUTS = ("position", "distance", "mask", "height_gap")
-"""Names of the exported network's inputs, like :class:`gaia_uwb.models.window_inputs.Features`."""
+"""Names of the exported network's inputs, like :class:`gaia_uwb.models.Features`."""
 
 _OPSET = 17
 

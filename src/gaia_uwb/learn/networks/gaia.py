@@ -3,7 +3,7 @@
 =====================  ===================================================================
 module of the paper    here
 =====================  ===================================================================
-PoseMLP Base           :class:`gaia_uwb.learn.networks.pose_mlp.PoseMlp`, pretrained and frozen
+PoseMLP Base           :class:`gaia_uwb.learn.networks.PoseMlp`, pretrained and frozen
 Temporal Refinement    :class:`TemporalRefinement`
 Layout Head            :class:`LayoutHead`
 GeoDist                :func:`geometric_distance`, without parameters
@@ -24,7 +24,7 @@ from torch.nn import functional
 
 from gaia_uwb.learn.networks.layers import Prediction, three_layers
 from gaia_uwb.learn.networks.pose_mlp import PoseMlp
-from gaia_uwb.models.description import GaiaOptions, PoseMlpOptions
+from gaia_uwb.models import GaiaOptions, PoseMlpOptions
 
 _LEAST_SCALE = 1e-6  # of outputs that never vary
 _LEAST_SQUARE = 1e-8  # under a root, so that its gradient stays finite on top of an anchor

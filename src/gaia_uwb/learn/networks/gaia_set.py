@@ -55,8 +55,7 @@ from gaia_uwb.learn.networks.zone_tokens import (
     to_tokens,
     token_features,
 )
-from gaia_uwb.models.description import GaiaSetOptions
-from gaia_uwb.models.zone_inputs import ZoneInputs
+from gaia_uwb.models import GaiaSetOptions, ZoneInputs
 
 _TAILS = 4.0  # degrees of freedom of the ranges' errors
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from torch import Tensor, nn
 
 from gaia_uwb.learn.networks.layers import Prediction, three_layers
-from gaia_uwb.models.description import MlpOptions
+from gaia_uwb.models import MlpOptions
 
 
 class Mlp(nn.Module):

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from gaia_uwb.learn.networks.layers import Prediction, three_layers
-from gaia_uwb.models.description import PoseMlpOptions
+from gaia_uwb.models import PoseMlpOptions
 
 
 class PoseMlp(nn.Module):

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from gaia_uwb.learn.networks.gaia_set import GaiaSet
-from gaia_uwb.models.zone_inputs import ZoneInputs
+from gaia_uwb.models import ZoneInputs
 
 OUTPUTS = (
     "denoised_range", "log_sigma", "place", "information", "scene_logit", "side_logit", "nlos_logit"

@@ -13,7 +13,7 @@ from torch.nn import functional
 
 from gaia_uwb.learn.networks.layers import Prediction
 from gaia_uwb.learn.networks.unrolled_solver import multilaterate
-from gaia_uwb.models.description import TrainingOptions
+from gaia_uwb.models import TrainingOptions
 
 _AT_LEAST_ONE = 1e-6  # so that a batch without anything to count has loss 0
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from gaia_uwb.models.zone_inputs import ZoneInputs
+from gaia_uwb.models import ZoneInputs
 
 _LEAST_SQUARE_M2 = 1e-4  # under a root, so that its gradient stays finite on top of an anchor
 

@@ -1,0 +1,253 @@
+"""Bring a scene's ranges and path onto one timeline: a Scene becomes an Episode.
+
+1. The clock offset is estimated from the log itself (``clock.py``).
+2. Spikes are gated on the readings at their own times (``spikes.py``).
+3. Between two readings that are close enough in time, the range is interpolated pose-aware: the
+   residual against the range predicted from the pose is interpolated linearly and the prediction
+   added back, since at vehicle speed a range is far from linear between two readings.
+
+The timeline is the trajectory's, thinned where the path is sampled at least twice as often as the
+ranges and subdivided where it is sampled at most half as often.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gaia_uwb._shared import Array, Bool, Float64, InputError, Int64
+from gaia_uwb.alignment.clock import estimate_clock_offset
+from gaia_uwb.alignment.readings import (
+    ROUNDING_S,
+    Fit,
+    Readings,
+    anchor_heights,
+    fit_anchors,
+    gather_readings,
+    pose_at,
+    slant_m,
+)
+from gaia_uwb.alignment.spikes import gate_spikes
+from gaia_uwb.config import AlignmentConfig
+from gaia_uwb.episode import ClockOffset, Episode, EpisodeTruth
+from gaia_uwb.scene import Scene
+
+_LEAST_SPAN_M = 1.0  # a path that spans less tells how far anchors are, but not where
+_SHORTEST_S = 1e-3  # no timeline is finer than this, whatever the stamps of the readings
+
+
+def align(scene: Scene, config: AlignmentConfig = AlignmentConfig()) -> Episode:
+    """Bring a scene onto one timeline.
+
+    Parameters
+    ----------
+    scene
+        The log. Its truth is carried over to the timeline, but nothing is decided by it.
+    config
+        Settings of the alignment.
+
+    Returns
+    -------
+    Episode
+        Ranges of all anchors on one timeline, with the clock offset that was found. Steps without
+        a known pose are not on it.
+
+    Raises
+    ------
+    InputError
+        If the clocks of ranges and trajectory do not overlap, the vehicle is parked, or no range
+        is usable.
+
+    Examples
+    --------
+    >>> from gaia_uwb.alignment import align
+    >>> from gaia_uwb.simulate import PRESETS, simulate_pass
+    >>> episode = align(simulate_pass(PRESETS["lane-closure"], seed=0))
+    >>> episode.range_m.shape, episode.clock.applied
+    ((481, 8), True)
+    """
+    _check_overlap(scene, config)
+    _check_moves(scene)
+    clock = estimate_clock_offset(scene, config)
+    steps = _known_steps(scene, config)
+    range_m = np.full((len(steps.t_s), scene.n_anchors), np.nan)
+    for readings in gather_readings(scene):
+        fit = fit_anchors(scene, readings, clock.applied_s, config.max_pose_gap_s)
+        for row, n in enumerate(readings.anchors):
+            range_m[:, n] = _anchor_ranges(steps, readings, fit, row, clock.applied_s, config)
+    range_m.flags.writeable = False  # so that the episode takes it without a copy
+    valid = np.isfinite(range_m)
+    if not valid.any():
+        raise InputError(
+            "no range is usable: none falls between two readings close enough in time on a known "
+            "stretch of the path",
+            source=scene.name,
+        )
+    return Episode(
+        name=scene.name,
+        anchor_ids=scene.anchor_ids,
+        t_s=steps.t_s,
+        position_m=steps.position_m,
+        range_m=range_m,
+        valid=valid,
+        tag_up_m=None if scene.trajectory.up_m is None else steps.up_m,
+        anchor_up_m=scene.anchor_up_m,
+        frame=scene.frame,
+        clock=clock,
+        truth=_truth(scene, steps, clock),
+    )
+
+
+def _check_overlap(scene: Scene, config: AlignmentConfig) -> None:
+    """Refuse a log whose two clocks do not even overlap."""
+    path, log = scene.trajectory.t_s, scene.ranges.t_s
+    slack = 0.0 if config.clock_offset == "off" else config.max_clock_offset_s
+    if log[0] > path[-1] + slack or log[-1] < path[0] - slack:
+        raise InputError(
+            f"the clocks do not overlap: the trajectory spans {path[0]:.3f} to {path[-1]:.3f} s, "
+            f"the ranges {log[0]:.3f} to {log[-1]:.3f} s",
+            source=scene.name,
+            column="t_s",
+        )
+
+
+def _check_moves(scene: Scene) -> None:
+    """Refuse a log of a parked vehicle, from which nothing can be located."""
+    span_m = float(np.hypot(*np.ptp(scene.trajectory.position_m, axis=0)))
+    if span_m < _LEAST_SPAN_M:
+        raise InputError(
+            f"the vehicle hardly moves: its path spans {span_m:.2f} m, and less than "
+            f"{_LEAST_SPAN_M:g} m cannot locate an anchor",
+            source=scene.name,
+        )
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """The timeline's steps, each with a known pose."""
+
+    t_s: Float64[Array, "T"]
+    position_m: Float64[Array, "T 2"]
+    up_m: Float64[Array, "T"]
+    anchor_up_m: Float64[Array, "N"]
+
+    def predicted_m(self, anchor_m: Float64[Array, "2"], n: int) -> Float64[Array, "T"]:
+        """Return the slant ranges to anchor ``n`` if it stood at ``anchor_m``."""
+        up_m = self.anchor_up_m[n : n + 1]
+        return slant_m(self.position_m, self.up_m, anchor_m[None], up_m)
+
+
+def _known_steps(scene: Scene, config: AlignmentConfig) -> _Steps:
+    """Return the steps of the timeline whose pose is known."""
+    t_s = _timeline(scene)
+    pose = pose_at(scene.trajectory, t_s, config.max_pose_gap_s)
+    known = pose.known
+    return _Steps(t_s[known], pose.position_m[known], pose.up_m[known], anchor_heights(scene))
+
+
+def _timeline(scene: Scene) -> Float64[Array, "T"]:
+    """Return the trajectory's times, thinned or subdivided to about the rate of the ranges.
+
+    The anchor read most often gives the rate.
+    """
+    t_s, log = scene.trajectory.t_s, scene.ranges
+    own_s = log.t_s[log.anchor == np.argmax(np.bincount(log.anchor))]
+    if len(own_s) < 2:
+        return t_s
+    between_s = max(float(np.median(np.diff(own_s))), _SHORTEST_S)
+    ratio = float(np.median(np.diff(t_s))) / between_s
+    parts, every = int(ratio + 1e-6), int(1.0 / ratio + 1e-6)  # rates come from rounded times
+    if parts < 2:
+        return t_s[:: max(every, 1)]
+    index = np.arange((len(t_s) - 1) * parts + 1) / parts
+    return np.interp(index, np.arange(len(t_s)), t_s)
+
+
+def _anchor_ranges(
+    steps: _Steps,
+    readings: Readings,
+    fit: Fit,
+    row: int,
+    offset_s: float,
+    config: AlignmentConfig,
+) -> Float64[Array, "T"]:
+    """Return one anchor's ranges at the steps; NaN where no reading is near enough."""
+    own = np.flatnonzero(fit.pose.known[row])
+    if not len(own):
+        return np.full(len(steps.t_s), np.nan)
+    own_s, range_m = readings.t_s[row, own] - offset_s, readings.range_m[row, own]
+    anchor_m, residual_m = fit.anchor_m[row], fit.residual_m[row, own]
+    located = bool(np.isfinite(anchor_m).all())
+    if config.gate and located:
+        keep = gate_spikes(own_s, residual_m)
+        own_s, range_m, residual_m = own_s[keep], range_m[keep], residual_m[keep]
+    if config.resample == "nearest":
+        return _nearest(steps.t_s, own_s, range_m, config.max_gap_s)
+    if located:
+        predicted_m = steps.predicted_m(anchor_m, readings.anchors[row])
+        return predicted_m + _linear(steps.t_s, own_s, residual_m, config.max_gap_s)
+    return _linear(steps.t_s, own_s, range_m, config.max_gap_s)
+
+
+def _linear(
+    t_s: Float64[Array, "T"],
+    own_s: Float64[Array, "K"],
+    value: Float64[Array, "K"],
+    max_gap_s: float,
+) -> Float64[Array, "T"]:
+    """Interpolate between readings at most ``max_gap_s`` apart; NaN elsewhere."""
+    after = np.searchsorted(own_s, t_s)  # first reading at or after each step
+    right = np.minimum(after, len(own_s) - 1)
+    left = np.maximum(after - 1, 0)
+    exact = own_s[right] == t_s
+    close = own_s[right] - own_s[left] <= max_gap_s + ROUNDING_S
+    between = (after > 0) & (after < len(own_s)) & close
+    return np.where(exact | between, np.interp(t_s, own_s, value), np.nan)
+
+
+def _nearest(
+    t_s: Float64[Array, "T"],
+    own_s: Float64[Array, "K"],
+    value: Float64[Array, "K"],
+    max_gap_s: float,
+) -> Float64[Array, "T"]:
+    """Take the nearest reading, at most half of ``max_gap_s`` away; NaN elsewhere."""
+    near = _nearest_index(t_s, own_s)
+    close = np.abs(own_s[near] - t_s) <= 0.5 * max_gap_s + ROUNDING_S
+    return np.where(close, value[near], np.nan)
+
+
+def _nearest_index(t_s: Float64[Array, "T"], own_s: Float64[Array, "K"]) -> Int64[Array, "T"]:
+    """Return which of the readings is nearest to each step in time."""
+    right = np.minimum(np.searchsorted(own_s, t_s), len(own_s) - 1)
+    left = np.maximum(right - 1, 0)
+    return np.where(np.abs(own_s[left] - t_s) <= np.abs(own_s[right] - t_s), left, right)
+
+
+def _truth(scene: Scene, steps: _Steps, clock: ClockOffset) -> EpisodeTruth | None:
+    """Carry a scene's truth over to the timeline: slant distances, and the nearest NLOS label."""
+    if scene.truth is None:
+        return None
+    anchor_m = scene.truth.anchor_m
+    range_m = np.empty((len(steps.t_s), scene.n_anchors))
+    for n in range(scene.n_anchors):
+        range_m[:, n] = steps.predicted_m(anchor_m[n], n)
+    range_m.flags.writeable = False
+    nlos = _nlos(scene.truth.nlos, scene, steps.t_s, clock.applied_s)
+    return EpisodeTruth(anchor_m=anchor_m, range_m=range_m, nlos=nlos)
+
+
+def _nlos(
+    label: Bool[Array, "R"] | None, scene: Scene, t_s: Float64[Array, "T"], offset_s: float
+) -> Bool[Array, "T N"]:
+    """Return the NLOS label of the reading nearest to each step; False where there is none."""
+    nlos = np.zeros((len(t_s), scene.n_anchors), dtype=np.bool_)
+    if label is not None:
+        for readings in gather_readings(scene):
+            for row, n in enumerate(readings.anchors):
+                own = readings.index[row][readings.index[row] >= 0]
+                if len(own):
+                    near = _nearest_index(t_s, scene.ranges.t_s[own] - offset_s)
+                    nlos[:, n] = label[own[near]]
+    return nlos

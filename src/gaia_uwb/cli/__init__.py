@@ -1,0 +1,5 @@
+"""Be the command ``gaia``: read arguments, show progress and results, set exit codes."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,78 @@
+"""The command ``gaia``: one file per command; ``terminal.py`` has what people see.
+
+Heavy modules are imported inside the commands, so that ``gaia --help`` is quick.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gaia_uwb.cli.data import data_app
+from gaia_uwb.cli.evaluate import evaluate
+from gaia_uwb.cli.exit_codes import INTERRUPTED, stop
+from gaia_uwb.cli.fleet import fleet
+from gaia_uwb.cli.options import (
+    version,
+)
+from gaia_uwb.cli.reconstruct import reconstruct
+from gaia_uwb.cli.reproduce import reproduce_app
+from gaia_uwb.cli.simulate import simulate
+from gaia_uwb.cli.train import train
+from gaia_uwb.cli.wzdx import wzdx_app
+
+if TYPE_CHECKING:
+    pass
+
+app = typer.Typer(
+    name="gaia",
+    help="From the log of a drive past a work zone to the cones and the boundary.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.add_typer(data_app, name="data")
+app.add_typer(reproduce_app, name="reproduce")
+app.add_typer(wzdx_app, name="wzdx")
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    show_version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    if show_version:
+        typer.echo(f"gaia {version()}")
+        raise typer.Exit
+
+
+for command in (reconstruct, fleet, simulate, evaluate, train):  # in the help's order
+    app.command(command.__name__)(command)
+
+
+def main() -> None:
+    """Run the command line; the entry point of ``gaia``."""
+    import gc
+
+    from gaia_uwb._shared import GaiaError
+
+    # Imports make hundreds of thousands of objects that stay; looking through them again and again
+    # for garbage takes a seventh of a short command's time.
+    gc.set_threshold(100_000)
+    try:
+        code = app(standalone_mode=False)
+    except GaiaError as error:
+        stop(str(error))
+    except MemoryError:
+        stop("not enough memory for this log")
+    except OSError as error:
+        stop(f"{error.filename or 'file system'}: {error.strerror or error}")
+    except Exception as error:
+        # A usage error of typer's; its class lives in another package from version to version.
+        if not hasattr(error, "format_message"):
+            raise
+        stop(error.format_message() or "expected a command; see gaia --help")
+    if code == INTERRUPTED:
+        stop("interrupted", INTERRUPTED)
+    sys.exit(code if isinstance(code, int) else 0)

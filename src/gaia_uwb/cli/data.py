@@ -1,0 +1,71 @@
+"""The commands on data: list the data sets, fetch one, check a log."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from gaia_uwb.cli.exit_codes import BAD_INPUT, UNRELIABLE
+from gaia_uwb.cli.options import DataDirOption, SourceArgument
+from gaia_uwb.cli.terminal import progress_bar
+
+data_app = typer.Typer(help="List, fetch and check data.", no_args_is_help=True)
+
+
+@data_app.command("list")
+def data_list(data_dir: DataDirOption = None) -> None:
+    """List the data sets that GAIA knows, and whether they are here."""
+    from gaia_uwb.logs import REGISTRY, data_folder
+
+    base = data_folder(data_dir)
+    for name, entry in REGISTRY.items():
+        state = "present" if (base / name).is_dir() else "not here"
+        typer.echo(f"{name}  [{state}]  {entry.description}")
+        typer.echo(f"    licence {entry.licence}; {entry.citation}")
+    typer.echo(f"data folder: {base}")
+
+
+@data_app.command("fetch")
+def data_fetch(
+    name: Annotated[str, typer.Argument(help="Name of a data set, see 'gaia data list'.")],
+    data_dir: DataDirOption = None,
+    base_url: Annotated[
+        str | None, typer.Option(help="Address or folder of a mirror of the data set's files.")
+    ] = None,
+) -> None:
+    """Download a data set, file by file, each checked; call it again to go on."""
+    from gaia_uwb.logs import fetch
+
+    with progress_bar() as progress:
+        task = progress.add_task(f"fetch {name}", total=None)
+
+        def show(done: int, total: int) -> None:
+            progress.update(task, completed=done, total=total)
+
+        folder = fetch(name, data_dir, base_url=base_url, progress=show)
+    typer.echo(f"{name} is complete in {folder}")
+
+
+@data_app.command("check")
+def data_check(
+    source: SourceArgument,
+    data_dir: DataDirOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
+) -> None:
+    """Say what a log holds, what is wrong with it and what it can tell; 1 if there are problems."""
+    import json
+
+    from gaia_uwb.evaluate import check_source
+
+    reports = check_source(source, data_dir=data_dir)
+    if as_json:
+        content = {"schema": 1, "reports": [report.as_json() for report in reports]}
+        typer.echo(json.dumps(content, indent=1, allow_nan=False))
+    else:
+        for report in reports:
+            typer.echo("\n".join(report.lines()))
+    if not all(report.readable for report in reports):
+        raise typer.Exit(BAD_INPUT)
+    if any(report.problems for report in reports):
+        raise typer.Exit(UNRELIABLE)

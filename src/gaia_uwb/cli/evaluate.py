@@ -1,0 +1,99 @@
+"""``gaia evaluate``: scores of denoisers on data with a known truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gaia_uwb.cli.options import (
+    ConfigOption,
+    DataDirOption,
+    OutOption,
+    SolverOption,
+    SourceArgument,
+    make_settings,
+    version,
+)
+from gaia_uwb.cli.terminal import print_results, progress_bar, track
+
+if TYPE_CHECKING:
+    pass
+
+SCORED = "raw,median,kalman,pose-kalman,gaia-set"
+
+
+def evaluate(
+    source: SourceArgument,
+    out: OutOption = Path("out"),
+    methods: Annotated[
+        str, typer.Option(help="Denoisers to compare, with commas between.")
+    ] = SCORED,
+    solver: SolverOption = None,
+    length: Annotated[
+        str, typer.Option(help="Steps in a window, or 'whole' for whole runs.")
+    ] = "whole",
+    seed: Annotated[int, typer.Option(min=0, help="Of the bootstrap.")] = 0,
+    true_nlos_labels: Annotated[
+        bool, typer.Option("--true-nlos-labels", help="Give wls the true NLOS labels (the paper).")
+    ] = False,
+    config: ConfigOption = None,
+    data_dir: DataDirOption = None,
+) -> None:
+    """Score denoisers on data with surveyed anchors: results.json, episodes.csv, config.yaml."""
+    import json
+
+    from gaia_uwb._shared import OutputFolder
+    from gaia_uwb.api import load_scenes
+    from gaia_uwb.config import dump_config
+    from gaia_uwb.evaluate import episodes_csv, make_test, results_json, score_method
+
+    settings = make_settings(config, None, solver)
+    names = _methods(methods)
+    steps = _length(length)
+    folder = OutputFolder(out)
+    scenes = load_scenes(source, data_dir=data_dir)
+    with progress_bar() as progress:
+        test = make_test(
+            scenes, steps, settings, each=lambda runs: iter(track(progress, runs, "prepare"))
+        )
+        scores = [
+            score_method(test, name, settings, true_nlos_labels=true_nlos_labels)
+            for name in track(progress, names, "score")
+        ]
+    protocol = {
+        "data": source,
+        "split": "none (no method is trained)",
+        "length": length,
+        "solver": settings.solver.kind,
+        "true_nlos_labels": true_nlos_labels,
+        "version": version(),
+    }
+    results = results_json(scores, test, protocol, seed=seed)
+    folder.write_text("config.yaml", dump_config(settings))
+    folder.write_text("episodes.csv", episodes_csv(scores, test))
+    path = folder.write_text("results.json", json.dumps(results, indent=2, allow_nan=False) + "\n")
+    print_results(results, path)
+
+
+def _methods(methods: str) -> list[str]:
+    from gaia_uwb._shared import ConfigError
+    from gaia_uwb.denoisers import make_denoiser
+
+    names = [name.strip() for name in methods.split(",") if name.strip()]
+    if not names or len(set(names)) < len(names):
+        raise ConfigError(f"--methods: expected different denoisers, got {methods!r}")
+    for name in names:
+        make_denoiser(name)
+    return names
+
+
+def _length(length: str) -> int | None:
+    from gaia_uwb._shared import ConfigError
+
+    if length == "whole":
+        return None
+    if not length.isdecimal() or int(length) < 1:
+        raise ConfigError(f"--length: expected a number of steps or 'whole', got {length!r}")
+    return int(length)

@@ -1,0 +1,127 @@
+"""``gaia reconstruct``: from logs to cones and boundary."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gaia_uwb._shared import printable
+from gaia_uwb.cli.exit_codes import UNRELIABLE, stop
+from gaia_uwb.cli.options import (
+    ClosureOption,
+    ConfigOption,
+    DataDirOption,
+    KnownAnchorOption,
+    OutOption,
+    SideOption,
+    SolverOption,
+    SpacingOption,
+    make_settings,
+    with_prior,
+)
+from gaia_uwb.cli.terminal import print_summary, progress_bar, track
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gaia_uwb._shared import GaiaError
+
+
+def reconstruct(
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SOURCE...",
+            help="Logs, folders of logs, or NAME[:PART], such as outdoor-uwb:NLOS/B/4 or sim. "
+            "Several sources are drives past one zone.",
+        ),
+    ],
+    out: OutOption = Path("out"),
+    one_zone: Annotated[
+        bool | None,
+        typer.Option(
+            "--one-zone/--each-alone",
+            help="Fuse all logs as passes of one zone, or give each a result of its own. Default: "
+            "several sources are fused, the logs in one folder are not.",
+        ),
+    ] = None,
+    denoiser: Annotated[
+        str | None,
+        typer.Option(
+            help="gaia-set (default), raw, median, kalman, pose-kalman; or one of the paper's "
+            "networks (mlp, pose-mlp, gaia). Networks take what they were trained on, or a model's "
+            "folder, after a colon: gaia:stress."
+        ),
+    ] = None,
+    solver: SolverOption = None,
+    config: ConfigOption = None,
+    data_dir: DataDirOption = None,
+    side: SideOption = None,
+    closure: ClosureOption = None,
+    spacing: SpacingOption = None,
+    known_anchor: KnownAnchorOption = None,
+    svg: Annotated[bool, typer.Option("--svg", help="Write plot.svg beside plot.png.")] = False,
+    gis: Annotated[
+        bool, typer.Option("--gis", help="Write boundary.gpkg and boundary.kml, too.")
+    ] = False,
+) -> None:
+    """Locate the cones and draw the boundary from the log of a drive, or of several drives."""
+    from gaia_uwb._shared import InputError, OutputFolder
+    from gaia_uwb.api import load_readable
+    from gaia_uwb.evaluate import reconstruct_and_score
+    from gaia_uwb.outputs import write_all
+    from gaia_uwb.reconstruction import ReconstructionStatus
+
+    settings = make_settings(config, denoiser, solver)
+    settings = with_prior(settings, side, closure, spacing, known_anchor)
+    OutputFolder(out)
+    scenes, failures = [], []
+    for source in sources:
+        readable, unreadable = load_readable(source, data_dir=data_dir)
+        scenes += readable
+        failures += unreadable
+    n_logs = len(scenes) + len(failures)
+    reliable = True
+    with progress_bar() as progress:
+        if one_zone if one_zone is not None else len(sources) > 1:
+            runs = [(scenes, out)] if scenes else []
+        else:
+            folders = _folders(out, [scene.name for scene in scenes], several=n_logs > 1)
+            runs = [([scene], folder) for scene, folder in zip(scenes, folders, strict=True)]
+        for passes, folder in track(progress, runs, "reconstruct"):
+            try:
+                result, metrics = reconstruct_and_score(passes, settings)
+            except InputError as error:
+                if len(passes) > 1:
+                    raise
+                failures.append(error)
+                continue
+            paths = write_all(result, folder, metrics, svg=svg, gis=gis)
+            reliable &= result.status is ReconstructionStatus.OK
+            print_summary(progress, result, metrics, paths)
+    _stop_at(failures, n_logs)
+    if not reliable:
+        raise typer.Exit(UNRELIABLE)
+
+
+def _stop_at(failures: Sequence[GaiaError], n_logs: int) -> None:
+    """Tell which logs of several were left out; of a single log the error is the command's own."""
+    if n_logs == 1 and failures:
+        raise failures[0]
+    for error in failures:
+        sys.stderr.write(f"gaia: left out: {printable(str(error))}\n")
+    if failures:
+        stop(f"{len(failures)} of {n_logs} logs were left out")
+
+
+def _folders(out: Path, names: Sequence[str], *, several: bool = False) -> list[Path]:
+    """Return a folder for each scene's results, all different; one that is all of it gets out."""
+    if len(names) == 1 and not several:
+        return [out]
+    safe = [printable(name).replace("/", "-").lstrip(".")[:100] for name in names]
+    if "" in safe or len(set(safe)) < len(safe):
+        safe = [f"{k}-{name}" for k, name in enumerate(safe)]
+    return [out / name for name in safe]

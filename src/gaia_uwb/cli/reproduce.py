@@ -1,0 +1,241 @@
+"""``gaia reproduce``: the paper's tables and figures, each by one command, or all of them."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gaia_uwb._shared import written_out
+from gaia_uwb.cli.options import DataDirOption, OutOption, require_torch, version
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from gaia_uwb.reproduce import Plan, Workshop
+
+reproduce_app = typer.Typer(help="Repeat the paper's tables and figures.", no_args_is_help=True)
+
+
+class Preparation(StrEnum):
+    """What is done to the outdoor data's logs."""
+
+    ALIGNED = "aligned"
+    PUBLISHED = "published"
+
+
+class Split(StrEnum):
+    """Ways of splitting the outdoor data."""
+
+    WINDOW = "window"
+    RUN = "run"
+    LAYOUT = "layout"
+    SIM = "sim"
+
+
+QuickOption = Annotated[
+    bool, typer.Option("--quick", help="The same code on little data: shows that it runs.")
+]
+SeedsOption = Annotated[
+    int | None,
+    typer.Option(min=1, max=100, help="Models of each learned method, with seeds 0, 1 ..."),
+]
+WorkersOption = Annotated[
+    int | None, typer.Option(min=1, help="Processes that train [as many as there are cores].")
+]
+
+
+@reproduce_app.command("table1")
+def reproduce_table1(
+    out: OutOption = Path("out"),
+    split: Annotated[
+        list[Split] | None, typer.Option(help="How windows are held out; all by default.")
+    ] = None,
+    preparation: Annotated[
+        list[Preparation] | None,
+        typer.Option(help="Data as a reconstruction prepares them, or as published; both."),
+    ] = None,
+    seeds: SeedsOption = None,
+    quick: QuickOption = False,
+    workers: WorkersOption = None,
+    data_dir: DataDirOption = None,
+) -> None:
+    """Compare all methods on the outdoor UWB data set, in every split, preparation and length."""
+
+    def narrowed(plan: Plan) -> Plan:
+        from dataclasses import replace
+
+        chosen: dict[str, tuple[object, ...]] = {}
+        if split:
+            chosen["splits"] = tuple(s.value for s in split)
+        if preparation:
+            chosen["preparations"] = tuple(p.value for p in preparation)
+        if seeds:
+            chosen["outdoor_seeds"] = tuple(range(seeds))
+        return replace(plan, **chosen)  # type: ignore[arg-type]
+
+    _run("table1", _workshop(out, quick, workers, data_dir, narrowed))
+
+
+@reproduce_app.command("table2")
+def reproduce_table2(
+    out: OutOption = Path("out"),
+    seeds: SeedsOption = None,
+    quick: QuickOption = False,
+    workers: WorkersOption = None,
+) -> None:
+    """Compare all methods on the stress test; trains what is missing."""
+    _run("table2", _workshop(out, quick, workers, None, _seeded(seeds)))
+
+
+@reproduce_app.command("ablation")
+def reproduce_ablation(
+    out: OutOption = Path("out"),
+    seeds: SeedsOption = None,
+    quick: QuickOption = False,
+    workers: WorkersOption = None,
+) -> None:
+    """Compare GAIA with the paper's three ablations (table 3) on the stress test."""
+    _run("ablation", _workshop(out, quick, workers, None, _seeded(seeds)))
+
+
+@reproduce_app.command("table4")
+def reproduce_table4(
+    out: OutOption = Path("out"),
+    seeds: SeedsOption = None,
+    quick: QuickOption = False,
+    workers: WorkersOption = None,
+) -> None:
+    """Score the methods of table 2 on ever worse data, with the same models."""
+    _run("table4", _workshop(out, quick, workers, None, _seeded(seeds)))
+
+
+@reproduce_app.command("table5")
+def reproduce_table5(
+    out: OutOption = Path("out"), quick: QuickOption = False, data_dir: DataDirOption = None
+) -> None:
+    """Check the simulator against the outdoor UWB data set's runs; two minutes."""
+    _run("table5", _workshop(out, quick, None, data_dir), torch=False)
+
+
+@reproduce_app.command("alignment")
+def reproduce_alignment(
+    out: OutOption = Path("out"), quick: QuickOption = False, data_dir: DataDirOption = None
+) -> None:
+    """Say what the parts of the alignment are worth, on the outdoor UWB data set."""
+    _run("alignment", _workshop(out, quick, None, data_dir), torch=False)
+
+
+@reproduce_app.command("figures")
+def reproduce_figures(
+    out: OutOption = Path("out"),
+    quick: QuickOption = False,
+    workers: WorkersOption = None,
+    data_dir: DataDirOption = None,
+) -> None:
+    """Draw all figures, as PDF for print and as PNG; makes the tables that they show."""
+    _run("figures", _workshop(out, quick, workers, data_dir))
+
+
+@reproduce_app.command("all")
+def reproduce_all(
+    out: OutOption = Path("out"),
+    quick: QuickOption = False,
+    workers: WorkersOption = None,
+    data_dir: DataDirOption = None,
+) -> None:
+    """Make every table and figure, and the page; call it again to go on where it was stopped."""
+    from gaia_uwb.reproduce import run_all
+
+    require_torch()
+    workshop = _workshop(out, quick, workers, data_dir)
+    run_all(workshop)
+    _write_page(workshop, None, None)
+
+
+@reproduce_app.command("page")
+def reproduce_page(
+    out: OutOption = Path("out"),
+    page: Annotated[
+        Path | None, typer.Option(help="The page; its pictures go to images/results beside it.")
+    ] = None,
+    prose: Annotated[
+        Path | None,
+        typer.Option(help="Text by hand that it includes [results-prose.md beside it]."),
+    ] = None,
+    quick: QuickOption = False,
+) -> None:
+    """Write the page of results from OUT/results.json."""
+    _write_page(_workshop(out, quick, None, None), page, prose)
+
+
+def _workshop(
+    out: Path,
+    quick: bool,
+    workers: int | None,
+    data_dir: Path | None,
+    change: Callable[[Plan], Plan] = lambda plan: plan,
+) -> Workshop:
+    from gaia_uwb._shared import OutputFolder
+    from gaia_uwb.api import load_scenes
+    from gaia_uwb.reproduce import OUTDOOR, QUICK, Plan, Workshop, n_cores
+
+    return Workshop(
+        folder=OutputFolder(out),
+        plan=change(QUICK if quick else Plan()),
+        version=version(),
+        load=lambda: load_scenes(OUTDOOR, data_dir=data_dir),
+        watch=_say,
+        workers=workers or n_cores(),
+    )
+
+
+def _seeded(seeds: int | None) -> Callable[[Plan], Plan]:
+    def change(plan: Plan) -> Plan:
+        from dataclasses import replace
+
+        return replace(plan, stress_seeds=tuple(range(seeds))) if seeds else plan
+
+    return change
+
+
+def _run(name: str, workshop: Workshop, *, torch: bool = True) -> None:
+    from gaia_uwb.reproduce import QUICK_MARK, run_part
+
+    if torch:
+        require_torch()
+    run_part(workshop, name)
+    text = workshop.folder.path / f"{name}.md"
+    if text.is_file():
+        typer.echo("\n".join(map(written_out, text.read_text(encoding="utf-8").split("\n"))))
+    elif workshop.plan.quick:
+        typer.echo(QUICK_MARK)
+    typer.echo(f"wrote {workshop.folder.path / 'results.json'} and the files beside it")
+
+
+def _write_page(workshop: Workshop, page: Path | None, prose: Path | None) -> None:
+    from gaia_uwb._shared import OutputFolder
+    from gaia_uwb.reproduce import FOLDER, page_images, read_results, results_page
+
+    results = read_results(workshop)
+    source = workshop.folder.path / FOLDER
+    images = FOLDER
+    if page is None:
+        page = workshop.folder.path / "results.md"
+    else:
+        images = "images/results"
+        pictures = OutputFolder(page.parent / images)
+        for name in page_images(results):
+            pictures.write_bytes(f"{name}.png", (source / f"{name}.png").read_bytes())
+    text = prose or page.parent / "results-prose.md"
+    words = text.read_text(encoding="utf-8") if text.is_file() else ""
+    OutputFolder(page.parent).write_text(page.name, results_page(results, words, images))
+    typer.echo(f"wrote {page}")
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(f"{written_out(text)}\n")
+    sys.stderr.flush()

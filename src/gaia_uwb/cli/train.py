@@ -1,0 +1,141 @@
+"""``gaia train``: train a network."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gaia_uwb.cli.options import DataDirOption, require_torch, version
+from gaia_uwb.cli.terminal import progress_bar, track
+
+if TYPE_CHECKING:
+    from gaia_uwb.learn import LearningSets, Recipe
+
+
+class Network(StrEnum):
+    """The networks that can be trained."""
+
+    MLP = "mlp"
+    POSE_MLP = "pose-mlp"
+    GAIA = "gaia"
+    GAIA_SET = "gaia-set"
+
+
+class Preparation(StrEnum):
+    """What is done to logs before a network sees them."""
+
+    ALIGNED = "aligned"
+    PUBLISHED = "published"
+
+
+def train(
+    network: Annotated[
+        Network, typer.Argument(metavar="MODEL", help="mlp, pose-mlp, gaia, gaia-set.")
+    ],
+    data: Annotated[
+        str,
+        typer.Option(
+            help="sim:PRESET, or logs with surveyed anchors (outdoor-uwb); for gaia-set sim:mixed."
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder for the model; made if needed.")],
+    split: Annotated[
+        str, typer.Option(help="Logs only: all, or a fold to leave out: window/K, run/K, layout/K.")
+    ] = "all",
+    preparation: Annotated[
+        Preparation,
+        typer.Option(help="Logs only: as a reconstruction does, or as the paper seems to have."),
+    ] = Preparation.ALIGNED,
+    seed: Annotated[int, typer.Option(min=0, help="One seed gives the same model again.")] = 0,
+    base: Annotated[
+        Path | None,
+        typer.Option(help="For gaia: folder of a trained pose-mlp. Otherwise it is trained first."),
+    ] = None,
+    recipe: Annotated[
+        Path | None,
+        typer.Option(help="YAML file: network, training and sets, as far as not the default."),
+    ] = None,
+    portions: Annotated[
+        int | None,
+        typer.Option(min=1, help="gaia-set only: portions of 2,048 new scenes to train on."),
+    ] = None,
+    data_dir: DataDirOption = None,
+) -> None:
+    """Train a network; call it again to go on where it was stopped."""
+    from gaia_uwb._shared import OutputFolder
+    from gaia_uwb.learn import KINDS, load_recipe, make_recipe
+
+    require_torch()
+    if network is Network.GAIA_SET:
+        others = {"--split": split != "all", "--base": base, "--recipe": recipe}
+        _train_set(data, out, seed, portions, [name for name, given in others.items() if given])
+        return
+    from gaia_uwb.learn import Task
+    from gaia_uwb.learn import train as run
+
+    chosen = make_recipe(KINDS[network.value], simulated=data.startswith("sim:")).with_seed(seed)
+    sets_options = chosen.sets.model_copy(update={"preparation": preparation.value})
+    chosen = chosen.model_copy(update={"sets": sets_options})
+    if recipe is not None:
+        chosen = load_recipe(recipe, chosen)
+    folder = OutputFolder(out)
+    sets = _learning_sets(data, split, chosen, data_dir)
+    with progress_bar() as progress:
+
+        def each(epochs: Iterable[int], name: str, done: int) -> Iterator[int]:
+            left = list(epochs)
+            if done:
+                sys.stderr.write(f"{name}: goes on after {done} epochs\n")
+            yield from track(progress, left, f"train {name}")
+
+        task = Task(chosen.network, chosen.training, sets, version())
+        found = run(task, folder, base=base, progress=each)
+    for name, value in found.metrics.items():
+        typer.echo(f"  {name}: {value:.4g}")
+    typer.echo(f"wrote {out}; use it with: gaia reconstruct SOURCE --denoiser {network}:{out}")
+
+
+def _train_set(
+    data: str, out: Path, seed: int, portions: int | None, strange: Sequence[str]
+) -> None:
+    """Train ``gaia-set``, which has one mixture of simulated scenes and no splits."""
+    from gaia_uwb._shared import ConfigError, OutputFolder
+    from gaia_uwb.learn import SetTask, train_set
+    from gaia_uwb.models import GaiaSetOptions, SetTrainingOptions
+
+    if data != "sim:mixed" or strange:
+        what = ", ".join(strange) or f"--data {data}"
+        raise ConfigError(f"{what}: gaia-set is trained on sim:mixed, as a whole")
+    sizes = {"seed": seed} | ({} if portions is None else {"portions": portions})
+    task = SetTask(GaiaSetOptions(), SetTrainingOptions.model_validate(sizes), version())
+    with progress_bar() as progress:
+
+        def each(left: Iterable[int], done: int) -> Iterator[int]:
+            if done:
+                sys.stderr.write(f"gaia-set: goes on after {done} portions\n")
+            yield from track(progress, list(left), "train gaia-set")
+
+        found = train_set(task, OutputFolder(out), progress=each)
+    for name, value in found.metrics.items():
+        typer.echo(f"  {name}: {value:.4g}")
+    typer.echo(f"wrote {out}; use it with: gaia reconstruct SOURCE --denoiser gaia-set:{out}")
+
+
+def _learning_sets(data: str, split: str, recipe: Recipe, data_dir: Path | None) -> LearningSets:
+    """Return what to train on."""
+    from gaia_uwb._shared import ConfigError
+    from gaia_uwb.api import load_scenes
+    from gaia_uwb.learn import logged_sets, prepare_runs, simulated_sets
+
+    name, _, part = data.partition(":")
+    if name == "sim":
+        if split != "all":
+            raise ConfigError(f"--split {split}: the simulator's presets have their own split")
+        return simulated_sets(part, recipe.sets)
+    runs = prepare_runs(load_scenes(data, data_dir=data_dir), recipe.sets)
+    return logged_sets(runs, data, split, recipe.sets)

@@ -1,0 +1,10 @@
+from ._base import ColumnDenoiser as ColumnDenoiser
+from ._base import ColumnRanges as ColumnRanges
+from ._base import Columns as Columns
+from ._base import Denoiser as Denoiser
+from ._base import Options as Options
+from .neural import Neural as Neural
+from .registry import DENOISERS as DENOISERS
+from .registry import denoiser_class as denoiser_class
+from .registry import denoiser_identity as denoiser_identity
+from .registry import make_denoiser as make_denoiser

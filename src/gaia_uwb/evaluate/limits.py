@@ -1,0 +1,350 @@
+"""What limited a reconstruction, and what to do about it: in plain words, each with its numbers.
+
+Every check looks at one thing in the log or the result and says nothing where that is good enough.
+What is said follows from the data; no truth is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gaia_uwb._shared import Array, Bool, Float64, metres, percent, printable
+from gaia_uwb.config import PipelineConfig
+from gaia_uwb.episode import Episode
+from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
+from gaia_uwb.evaluate.advice import Advice
+from gaia_uwb.evaluate.residuals import range_residual_m
+
+SIGMAS_90 = 1.645
+"""A normally distributed number is within so many standard deviations with 90 % probability."""
+
+_CLOCK_SHIFT_M = 0.1  # a clock that is known worse than this moves the cones visibly
+_FEW_RANGES = 30
+_GAP_S, _GAP_SHARE = 2.0, 0.1  # of the time between a cone's first and last range
+_STRAIGHT_BELOW = 0.02  # width of a path as a share of its length
+_SHORT_BELOW = 0.5  # extent of the path as a share of the usual range
+_BIAS_M = 0.4  # radios that were calibrated read better
+_OWN_BIAS_M = 0.15
+_BLOCKED_SHARE = 0.05  # of a cone's ranges that read too long
+_BLOCKED_M = 0.3
+_HEIGHT_M = 0.05  # a range that a height of a metre changes by more counts
+_FAST_MPS = 5.0
+_MISFIT_M = 1.0
+_ADVICE = {
+    ReasonKind.STATEMENT: Advice.CHECK_STATEMENT,
+    ReasonKind.EXCEPTION: Advice.CHECK_STATEMENT,
+    ReasonKind.NOT_ONE_ZONE: Advice.CHECK_PASSES,
+}
+"""What to do about the reasons that are in no log."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One thing that limited a reconstruction.
+
+    Parameters
+    ----------
+    kind
+        Which.
+    text
+        What is so, in one or two plain sentences with numbers.
+    advice
+        What to do about it.
+    """
+
+    kind: ReasonKind
+    text: str
+    advice: tuple[Advice, ...]
+
+
+def find_limits(
+    episode: Episode,
+    anchors: Sequence[AnchorFix],
+    config: PipelineConfig = PipelineConfig(),
+    *,
+    name: Callable[[str], str] = printable,
+) -> tuple[Limit, ...]:
+    """Say what limited a reconstruction; nothing where every check is passed.
+
+    Parameters
+    ----------
+    episode
+        Its ranges, path and clocks.
+    anchors
+        One fix per anchor, in the order of ``episode.anchor_ids``.
+    config
+        The settings that it was made with.
+    name
+        How an anchor's id is written, so that a file's own marks can be escaped.
+
+    Examples
+    --------
+    >>> from gaia_uwb.pipeline import reconstruct
+    >>> from gaia_uwb.simulate import PRESETS, simulate_pass
+    >>> result = reconstruct(simulate_pass(PRESETS["straight"], seed=4))
+    >>> [limit.kind.value for limit in find_limits(result.episode, result.anchors)][:2]
+    ['ambiguous', 'gaps']
+    """
+    look = _Look(episode, tuple(anchors), config, name)
+    checks: tuple[Callable[[_Look], Iterable[Limit]], ...] = (
+        _misfit, _clock, _short_path, _moved, _unknown_side, _poor_geometry, _not_settled,
+        _lost, _few_ranges, _gaps, _blocked, _range_bias, _heights, _few_cones,
+    )  # fmt: skip
+    return tuple(limit for check in checks for limit in check(look))
+
+
+def limits_of_reasons(
+    reasons: Sequence[Reason], *, name: Callable[[str], str] = printable
+) -> tuple[Limit, ...]:
+    """Say what limited a reconstruction beside its log: what was said of it, passes that disagree.
+
+    Parameters
+    ----------
+    reasons
+        Of the reconstruction.
+    name
+        How a text is written, so that a file's own marks can be escaped.
+    """
+    return tuple(
+        Limit(reason.kind, f"{name(reason.text[:1].upper() + reason.text[1:])}.", (advice,))
+        for reason in reasons
+        if (advice := _ADVICE.get(reason.kind)) is not None
+    )
+
+
+@dataclass(frozen=True)
+class _Look:
+    """A reconstruction, and what several checks need of it."""
+
+    episode: Episode
+    anchors: tuple[AnchorFix, ...]
+    config: PipelineConfig
+    name: Callable[[str], str]
+
+    def cones(self, chosen: Sequence[AnchorFix]) -> str:
+        """Name up to five cones."""
+        names = [f"{self.name(anchor.anchor_id)}" for anchor in chosen]
+        if len(names) > 5:
+            names = [*names[:5], f"{len(names) - 5} more"]
+        listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+        return f"cone{'s' if len(names) > 1 else ''} {listed}"
+
+    def of_status(self, status: AnchorStatus) -> list[AnchorFix]:
+        return [anchor for anchor in self.anchors if anchor.status is status]
+
+    @cached_property
+    def residual_m(self) -> Float64[Array, "T N"]:
+        return range_residual_m(self.episode, self.anchors)
+
+    @cached_property
+    def strip_m(self) -> tuple[float, float]:
+        """Length and width of the strip that holds the path on which ranges came in."""
+        path_m = self.episode.position_m[self.episode.valid.any(axis=1)]
+        centred_m = path_m - path_m.mean(axis=0)
+        axes = np.linalg.svd(centred_m, full_matrices=False)[2]
+        length_m, width_m = np.ptp(centred_m @ axes.T, axis=0)
+        return float(length_m), float(width_m)
+
+
+def _misfit(look: _Look) -> Iterator[Limit]:
+    found = look.episode.calibration
+    if found is not None and found.sigma_m > _MISFIT_M:
+        text = (
+            f"The ranges do not fit the path: half of them are off by more than "
+            f"{metres(0.67 * found.sigma_m)}, where radios err by a few tenths of a metre."
+        )
+        yield Limit(ReasonKind.MISFIT, text, (Advice.CHECK_LOG,))
+
+
+def _clock(look: _Look) -> Iterator[Limit]:
+    clock = look.episode.clock
+    sure_s = 0.0 if clock is None else SIGMAS_90 * clock.sigma_s
+    shift_m = look.episode.usual_speed_mps * sure_s
+    if shift_m <= _CLOCK_SHIFT_M:
+        return
+    text = (
+        f"How far the clocks of ranges and positions differ is known to ± {sure_s:.2f} s only "
+        f"(90 % probability). At the usual speed of {look.episode.usual_speed_mps:.1f} m/s that is "
+        f"± {metres(shift_m)} along the road, for all cones together."
+    )
+    yield Limit(ReasonKind.CLOCK, text, (Advice.BOTH_WAYS, Advice.ONE_CLOCK))
+
+
+def _short_path(look: _Look) -> Iterator[Limit]:
+    length_m, _ = look.strip_m
+    usual_m = float(np.nanmedian(look.episode.range_m))
+    if length_m < _SHORT_BELOW * usual_m:
+        text = (
+            f"The vehicle moved within {metres(length_m)} only while it heard the cones, which "
+            f"were {metres(usual_m)} away: seen from there they lie in nearly one direction."
+        )
+        yield Limit(ReasonKind.SHORT_PATH, text, (Advice.LONGER, Advice.SECOND_DRIVE))
+
+
+def _unknown_side(look: _Look) -> Iterator[Limit]:
+    open_sides = [anchor for anchor in look.anchors if anchor.side_is_open]
+    if not open_sides:
+        return
+    share = max(anchor.mirror_probability for anchor in open_sides)
+    text = (
+        f"On which side of the path {look.cones(open_sides)} "
+        f"{'stands' if len(open_sides) == 1 else 'stand'} is not certain: the other side "
+        f"has {'up to ' if len(open_sides) > 1 else ''}{percent(share)} probability."
+    )
+    length_m, width_m = look.strip_m
+    if width_m < _STRAIGHT_BELOW * length_m:
+        text += (
+            f" The path was straight ({metres(length_m)} long within a strip of "
+            f"{metres(width_m)}), and from a straight path both sides look alike."
+        )
+    yield Limit(ReasonKind.AMBIGUOUS, text, (Advice.SECOND_DRIVE, Advice.WEAVE, Advice.SURVEY))
+
+
+def _poor_geometry(look: _Look) -> Iterator[Limit]:
+    poor = look.of_status(AnchorStatus.ILL_CONDITIONED)
+    known = [anchor for anchor in poor if np.isfinite(anchor.semi_axes_90_m[0])]
+    clock = look.episode.clock
+    shift_m = 0.0 if clock is None else clock.sigma_s * look.episode.usual_speed_mps
+    if not poor or shift_m > look.config.solver.ill_conditioned_above_m:  # said of the clock
+        return
+    text = f"The ranges fix {look.cones(poor)} poorly in at least one direction"
+    if known:
+        worst = max(known, key=lambda anchor: anchor.semi_axes_90_m[0])
+        longer_m, shorter_m = worst.semi_axes_90_m
+        text += (
+            f"; the worst is {look.name(worst.anchor_id)}, ± {metres(longer_m)} one way and "
+            f"± {metres(shorter_m)} the other (90 % probability)"
+        )
+    yield Limit(ReasonKind.ILL_CONDITIONED, f"{text}.", (Advice.SECOND_DRIVE, Advice.LONGER))
+
+
+def _moved(look: _Look) -> Iterator[Limit]:
+    moved = look.of_status(AnchorStatus.MOVED)
+    if moved:
+        text = (
+            f"The passes place {look.cones(moved)} apart by more than their errors: perhaps "
+            f"{'it was' if len(moved) == 1 else 'they were'} moved between them."
+        )
+        yield Limit(ReasonKind.MOVED, text, (Advice.CHECK_CONES,))
+
+
+def _not_settled(look: _Look) -> Iterator[Limit]:
+    stopped = look.of_status(AnchorStatus.NOT_CONVERGED)
+    if stopped:
+        text = f"The calculation for {look.cones(stopped)} did not settle on a place."
+        yield Limit(ReasonKind.NOT_CONVERGED, text, (Advice.CHECK_LOG, Advice.SECOND_DRIVE))
+
+
+def _pace(look: _Look) -> tuple[Advice, ...]:
+    return (Advice.SLOWER,) if look.episode.usual_speed_mps > _FAST_MPS else ()
+
+
+def _lost(look: _Look) -> Iterator[Limit]:
+    lost = look.of_status(AnchorStatus.TOO_FEW_RANGES)
+    if not lost:
+        return
+    most = max(anchor.n_ranges for anchor in lost)
+    text = (
+        f"No place was found for {look.cones(lost)}: at most {most} usable range"
+        f"{'' if most == 1 else 's'} came in, and {look.config.solver.min_ranges} are needed."
+    )
+    yield Limit(ReasonKind.TOO_FEW_RANGES, text, (Advice.CHECK_RADIOS, *_pace(look)))
+
+
+def _few_ranges(look: _Look) -> Iterator[Limit]:
+    few = [a for a in look.anchors if a.status.has_position and a.n_ranges < _FEW_RANGES]
+    if few:
+        least = min(few, key=lambda anchor: anchor.n_ranges)
+        whose = "" if len(few) == 1 else f" from {look.name(least.anchor_id)}"
+        text = f"Few ranges came from {look.cones(few)}: {least.n_ranges}{whose}."
+        yield Limit(ReasonKind.FEW_RANGES, text, (Advice.CHECK_RADIOS, *_pace(look)))
+
+
+def _gaps(look: _Look) -> Iterator[Limit]:
+    t_s, valid = look.episode.t_s, look.episode.valid
+    gaps = []
+    for n, anchor in enumerate(look.anchors):
+        heard_s = t_s[valid[:, n]]
+        if len(heard_s) > 1:
+            longest_s = float(np.diff(heard_s).max())
+            if longest_s > max(_GAP_S, _GAP_SHARE * float(np.ptp(heard_s))):
+                gaps.append((longest_s, anchor))
+    if gaps:
+        longest_s, worst = max(gaps, key=lambda gap: gap[0])
+        which = "" if len(gaps) == 1 else f" a while, {look.name(worst.anchor_id)} for"
+        text = (
+            f"Between the first and the last range, {look.cones([a for _, a in gaps])} could not "
+            f"be heard for{which} {longest_s:.1f} s in a row."
+        )
+        yield Limit(ReasonKind.GAPS, text, (Advice.LINE_OF_SIGHT, *_pace(look)))
+
+
+def _blocked(look: _Look) -> Iterator[Limit]:
+    found = look.episode.calibration
+    beyond_m = max(_BLOCKED_M, 4.0 * found.sigma_m if found is not None else 0.0)
+    long: Bool[Array, "T N"] = look.residual_m > beyond_m
+    share = long.sum(axis=0) / np.maximum(np.isfinite(look.residual_m).sum(axis=0), 1)
+    blocked = [
+        (float(part), anchor)
+        for part, anchor in zip(share, look.anchors, strict=True)
+        # What is too long is said by comparison with the place, so that must be a good one.
+        if part > _BLOCKED_SHARE and anchor.status in (AnchorStatus.OK, AnchorStatus.AMBIGUOUS)
+    ]
+    if blocked:
+        worst = max(part for part, _ in blocked)
+        text = (
+            f"Of the ranges of {look.cones([anchor for _, anchor in blocked])}, "
+            f"{'up to ' if len(blocked) > 1 else ''}{percent(worst)} read more than "
+            f"{metres(beyond_m)} too long, which is what happens where something stands between "
+            "cone and vehicle."
+        )
+        yield Limit(ReasonKind.BLOCKED, text, (Advice.LINE_OF_SIGHT, Advice.SECOND_DRIVE))
+
+
+def _range_bias(look: _Look) -> Iterator[Limit]:
+    found = look.episode.calibration
+    if found is not None and abs(found.bias[0]) > _BIAS_M:
+        way = "long" if found.bias[0] > 0 else "short"
+        text = (
+            f"All ranges read {metres(abs(found.bias[0]))} too {way} at 10 m. This was taken off, "
+            "but it is more than calibrated radios show."
+        )
+        yield Limit(ReasonKind.RANGE_BIAS, text, (Advice.CALIBRATE, Advice.HEIGHTS))
+    own = [anchor for anchor in look.anchors
+           if anchor.status.has_position and abs(anchor.range_bias_m) > _OWN_BIAS_M]  # fmt: skip
+    if own:
+        worst = max(own, key=lambda anchor: abs(anchor.range_bias_m))
+        text = (
+            f"The ranges of {look.cones(own)} differ from those of the others, by "
+            f"{metres(abs(worst.range_bias_m))} for {look.name(worst.anchor_id)}. This was taken "
+            "off as well."
+        )
+        yield Limit(ReasonKind.RANGE_BIAS, text, (Advice.CALIBRATE,))
+
+
+def _heights(look: _Look) -> Iterator[Limit]:
+    up_m = look.episode.anchor_up_m
+    if look.episode.tag_up_m is not None and up_m is not None and np.isfinite(up_m).all():
+        return
+    nearest_m = float(np.nanmin(np.where(look.episode.valid, look.episode.range_m, np.nan)))
+    change_m = float(np.hypot(nearest_m, 1.0) - nearest_m)
+    if change_m > _HEIGHT_M:
+        text = (
+            "Not all heights of the antennas are known, so ranges count as level. At the nearest, "
+            f"{metres(nearest_m)}, a difference in height of 1 m changes a range by "
+            f"{metres(change_m)}."
+        )
+        yield Limit(ReasonKind.HEIGHTS, text, (Advice.HEIGHTS,))
+
+
+def _few_cones(look: _Look) -> Iterator[Limit]:
+    if len(look.anchors) < 3:
+        text = (
+            f"The log has {len(look.anchors)} cone{'s' if len(look.anchors) > 1 else ''}; an area "
+            "needs three."
+        )
+        yield Limit(ReasonKind.TOO_FEW_CONES, text, (Advice.MORE_CONES,))

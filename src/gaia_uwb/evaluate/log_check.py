@@ -1,0 +1,350 @@
+"""What a log holds, how much of it is usable, and what stands in the way, in plain words.
+
+These are looks at the raw log: nothing here is denoised or reconstructed, and nothing of the truth
+is used. "Usable" leaves out readings that cannot help whatever is done with them later: outside the
+trajectory's time, negative, and spikes. What the geometry allows is in ``observability.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from gaia_uwb._shared import Array, Bool, Float64, GaiaError, Int64, in_a_line
+from gaia_uwb.evaluate.observability import Observability, observe
+from gaia_uwb.scene import Scene, Trajectory
+
+GAP_S = 0.3
+"""Two readings of an anchor further apart than this, and than 2.5 usual steps, have a gap between
+them."""
+
+SPIKE_M = 1.0
+"""A reading further than this from what most of the readings around it predict is a spike."""
+
+_PAIRS, _FEWEST_PAIRS = 7, 3  # of readings before, about and after a reading
+_NEAR_M, _STANDS_M = 0.5, 0.1
+
+PARKED_BELOW_M = 1.0
+"""A vehicle whose whole path fits into this stood still."""
+
+STRAIGHT_BELOW = 0.02
+"""A path whose width is a smaller share of its length than this is straight."""
+
+MIN_USABLE = 4
+"""Fewer usable readings than this do not locate an anchor."""
+
+
+@dataclass(frozen=True)
+class DriveCheck:
+    """The trajectory in numbers.
+
+    Parameters
+    ----------
+    n_samples, duration_s, rate_hz, longest_step_s
+        Size and timing; the rate is that of the median step.
+    path_length_m
+        Length of the path.
+    extent_m
+        Diagonal of the box around it.
+    straightness
+        Spread of the path along its minor principal axis, as a share of that along its major one:
+        0 for a straight line, 1 for a circle.
+    """
+
+    n_samples: int
+    duration_s: float
+    rate_hz: float
+    longest_step_s: float
+    path_length_m: float
+    extent_m: float
+    straightness: float
+
+
+@dataclass(frozen=True)
+class AnchorCheck:
+    """One anchor's readings in numbers; shares are of ``n_readings``, from 0 to 1.
+
+    Parameters
+    ----------
+    anchor_id, n_readings, rate_hz
+        Name, number, and the rate of the median step (NaN below 2 readings).
+    n_gaps, longest_gap_s
+        Gaps longer than :data:`GAP_S`, and the longest time between two readings.
+    outside_share, negative_share, spike_share, repeat_share
+        Readings outside the trajectory's time, below 0, more than :data:`SPIKE_M` off their
+        neighbours, and equal to the one before.
+    usable_share
+        Readings that are none of these.
+    rssi_share
+        Readings that come with a received power.
+    """
+
+    anchor_id: str
+    n_readings: int
+    rate_hz: float
+    n_gaps: int
+    longest_gap_s: float
+    outside_share: float
+    negative_share: float
+    spike_share: float
+    repeat_share: float
+    usable_share: float
+    rssi_share: float
+
+    @property
+    def n_usable(self) -> int:
+        """Number of usable readings."""
+        return round(self.usable_share * self.n_readings)
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """What was found in one log.
+
+    Parameters
+    ----------
+    name
+        The scene's or the source's name.
+    drive, anchors
+        The numbers; ``None`` and empty where the log could not be read.
+    observability
+        What the log can tell; ``None`` where the vehicle is parked or no reading is usable.
+    problems
+        What will spoil a reconstruction, or why the log cannot be read.
+    notes
+        What is worth knowing.
+    readable
+        Whether the log could be read at all.
+    """
+
+    name: str
+    drive: DriveCheck | None = None
+    anchors: tuple[AnchorCheck, ...] = ()
+    observability: Observability | None = None
+    problems: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    readable: bool = True
+
+    @classmethod
+    def of_failure(cls, name: str, error: GaiaError) -> CheckReport:
+        """Return the report on a log that cannot be read."""
+        return cls(name, problems=(str(error),), readable=False)
+
+    def lines(self) -> list[str]:
+        """Return the report as lines of text that a screen can show."""
+        lines = [self.name]
+        if self.drive is not None:
+            d = self.drive
+            lines.append(
+                f"  path: {d.n_samples} samples in {d.duration_s:.1f} s ({d.rate_hz:.1f} Hz), "
+                f"{d.path_length_m:.1f} m long within {d.extent_m:.1f} m"
+            )
+        if self.anchors:
+            lines.append(_HEADING)
+            lines += [_anchor_line(anchor) for anchor in self.anchors]
+        if self.observability is not None:
+            lines += self.observability.lines()
+        lines += [f"  note: {note}" for note in self.notes]
+        lines += [f"  PROBLEM: {problem}" for problem in self.problems]
+        if not self.problems:
+            lines.append("  no problems found")
+        return [in_a_line(line, _LONGEST_LINE) for line in lines]  # a name may hold anything
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the report as plain values; a number that is not finite is None."""
+        content: dict[str, Any] = _finite(asdict(self))
+        return content
+
+
+def _finite(value: Any) -> Any:
+    match value:
+        case dict():
+            return {key: _finite(inner) for key, inner in value.items()}
+        case list() | tuple():
+            return [_finite(inner) for inner in value]
+        case float() if not np.isfinite(value):
+            return None
+    return value
+
+
+_LONGEST_LINE = 1500
+_HEADING = (
+    "  anchor        readings     Hz   gaps  longest   usable  outside  negative   spikes  repeats"
+    "   RSSI"
+)
+
+
+def _anchor_line(a: AnchorCheck) -> str:
+    return (
+        f"  {a.anchor_id:<12}{a.n_readings:>10}{a.rate_hz:>7.1f}{a.n_gaps:>7}"
+        f"{a.longest_gap_s:>7.1f} s{a.usable_share:>9.1%}{a.outside_share:>9.1%}"
+        f"{a.negative_share:>10.2%}{a.spike_share:>9.2%}{a.repeat_share:>9.1%}{a.rssi_share:>7.0%}"
+    )
+
+
+def check_scene(scene: Scene, notes: tuple[str, ...] = ()) -> CheckReport:
+    """Look at a scene's raw log.
+
+    Parameters
+    ----------
+    scene
+        The log.
+    notes
+        What its loader has to say about it.
+
+    Returns
+    -------
+    CheckReport
+        The numbers, and what is wrong in words.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gaia_uwb.scene import RangeLog, Scene, Trajectory
+    >>> t_s = np.arange(20.0)
+    >>> drive = Trajectory(t_s, np.column_stack([t_s, 0 * t_s]))
+    >>> log = RangeLog(t_s, np.zeros(20, dtype=np.int64), 25.0 - t_s)
+    >>> check_scene(Scene("pass", drive, log, ("cone-1",))).problems[0]
+    'the path is straight: an anchor and its mirror image beside it fit equally well'
+    """
+    drive = _check_drive(scene.trajectory)
+    anchors = tuple(_check_anchor(scene, index) for index in range(scene.n_anchors))
+    moves = drive.extent_m >= PARKED_BELOW_M
+    heard = any(anchor.usable_share > 0 for anchor in anchors)
+    found = observe(scene.without_truth()) if moves and heard else None
+    problems, more = ((), ()) if found is None else (tuple(found.problems()), tuple(found.notes()))
+    return CheckReport(
+        name=scene.name,
+        drive=drive,
+        anchors=anchors,
+        observability=found,
+        problems=(*_problems(drive, anchors), *problems),
+        notes=(*notes, *_notes(scene, drive, anchors), *more),
+    )
+
+
+def _check_drive(drive: Trajectory) -> DriveCheck:
+    step_s = np.diff(drive.t_s)
+    centred_m = drive.position_m - drive.position_m.mean(axis=0)
+    major, minor = np.linalg.svd(centred_m, compute_uv=False)
+    return DriveCheck(
+        n_samples=len(drive),
+        duration_s=float(drive.t_s[-1] - drive.t_s[0]),
+        rate_hz=float(1 / np.median(step_s)),
+        longest_step_s=float(step_s.max()),
+        path_length_m=drive.path_length_m,
+        extent_m=float(np.hypot(*np.ptp(drive.position_m, axis=0))),
+        straightness=float(minor / major) if major > 0 else 0.0,
+    )
+
+
+def _check_anchor(scene: Scene, index: int) -> AnchorCheck:
+    log, drive = scene.ranges, scene.trajectory
+    mine = log.anchor == index
+    t_s, range_m = log.t_s[mine], log.range_m[mine]
+    step_s = np.diff(t_s)
+    usual_s = float(np.median(step_s)) if step_s.size else np.nan
+    outside = (t_s < drive.t_s[0]) | (t_s > drive.t_s[-1])
+    negative = range_m < 0
+    spike = _spikes(t_s, range_m, drive)
+    repeat = np.append(False, np.diff(range_m) == 0)[: len(range_m)]
+    rssi = np.zeros(len(t_s)) * np.nan if log.rssi_dbm is None else log.rssi_dbm[mine]
+    return AnchorCheck(
+        anchor_id=scene.anchor_ids[index],
+        n_readings=len(t_s),
+        rate_hz=1 / usual_s if usual_s > 0 else np.nan,
+        n_gaps=int((step_s > np.fmax(GAP_S, 2.5 * usual_s)).sum()),
+        longest_gap_s=float(step_s.max(initial=0.0)),
+        outside_share=_share(outside),
+        negative_share=_share(negative),
+        spike_share=_share(spike),
+        repeat_share=_share(repeat),
+        usable_share=_share(~(outside | negative | spike)),
+        rssi_share=_share(np.isfinite(rssi)),
+    )
+
+
+def _spikes(
+    t_s: Float64[Array, "R"], range_m: Float64[Array, "R"], drive: Trajectory
+) -> Bool[Array, "R"]:
+    """Return which readings do not go with most pairs of other readings near them.
+
+    Along a chord of the path the square of the distance to any place is that at its ends, between
+    them in proportion, less w (1 - w) times the chord's square: so two readings predict a third
+    without knowing where the anchor stands. What predicts badly (readings near an anchor that is
+    passed fast, beyond a pair, or away from its chord) is asked less.
+    """
+    path_m = np.column_stack([np.interp(t_s, drive.t_s, axis) for axis in drive.position_m.T])
+    range_m = np.where(range_m < 0.0, np.nan, range_m)
+    votes, pairs = np.zeros((2, len(range_m)))
+    for reach in range(1, _PAIRS + 1):
+        # Before and after the reading, both before it, both after it.
+        for first, second in ((-reach, reach), (-2 * reach, -reach), (reach, 2 * reach)):
+            own = np.arange(max(0, -first), len(range_m) - max(0, second))
+            off_m, error = _misfit(own, own + first, own + second, t_s, range_m, path_m)
+            votes[own] += off_m > SPIKE_M * np.maximum(error, 1.0)
+            pairs[own] += np.isfinite(off_m)
+    return np.asarray((votes > 0.5 * pairs) & (pairs >= _FEWEST_PAIRS))
+
+
+def _misfit(
+    own: Int64[Array, "K"],
+    first: Int64[Array, "K"],
+    second: Int64[Array, "K"],
+    t_s: Float64[Array, "R"],
+    range_m: Float64[Array, "R"],
+    path_m: Float64[Array, "R 2"],
+) -> tuple[Float64[Array, "K"], Float64[Array, "K"]]:
+    """Return how far readings are from what two others predict, and how much worse that errs."""
+    chord_m, along_m = path_m[second] - path_m[first], path_m[own] - path_m[first]
+    chord2_m2 = (chord_m**2).sum(axis=1)
+    moves = chord2_m2 > _STANDS_M**2
+    by_time = (t_s[own] - t_s[first]) / np.maximum(t_s[second] - t_s[first], 1e-9)
+    by_path = (along_m * chord_m).sum(axis=1) / np.maximum(chord2_m2, _STANDS_M**2)
+    w = np.where(moves, by_path, np.clip(by_time, -1.0, 2.0))
+    aside_m = np.linalg.norm(along_m - w[:, None] * chord_m, axis=1)
+    ends_m2 = (1.0 - w) * range_m[first] ** 2 + w * range_m[second] ** 2
+    predicted_m = np.sqrt(np.maximum(ends_m2 - w * (1.0 - w) * chord2_m2, 0.0))
+    error = np.hypot((1.0 - w) * range_m[first], w * range_m[second])
+    error /= np.maximum(np.fmin(predicted_m, range_m[own]), _NEAR_M)
+    return np.abs(range_m[own] - predicted_m) - aside_m, error
+
+
+def _share(found: Bool[Array, "R"]) -> float:
+    return float(found.mean()) if found.size else 0.0
+
+
+def _problems(drive: DriveCheck, anchors: tuple[AnchorCheck, ...]) -> Iterator[str]:
+    if drive.extent_m < PARKED_BELOW_M:
+        yield f"the vehicle is parked: its whole path fits into {drive.extent_m:.2f} m"
+    elif drive.straightness < STRAIGHT_BELOW:
+        yield "the path is straight: an anchor and its mirror image beside it fit equally well"
+    for anchor in anchors:
+        if anchor.n_usable < MIN_USABLE:
+            yield (
+                f"anchor {anchor.anchor_id} has {anchor.n_usable} usable readings of "
+                f"{anchor.n_readings}: it cannot be located"
+            )
+        elif anchor.usable_share < 0.5:
+            share = f"{anchor.usable_share:.0%}"
+            yield f"only {share} of the readings of anchor {anchor.anchor_id} are usable"
+    if len(anchors) < 3:
+        yield f"a boundary needs 3 anchors, this log has {len(anchors)}"
+
+
+def _notes(scene: Scene, drive: DriveCheck, anchors: tuple[AnchorCheck, ...]) -> Iterator[str]:
+    if drive.longest_step_s > 1.0:
+        yield f"the trajectory has a gap of {drive.longest_step_s:.1f} s"
+    n_outside = sum(round(a.outside_share * a.n_readings) for a in anchors)
+    if n_outside:
+        yield f"{n_outside} of {len(scene.ranges)} readings lie outside the trajectory's time"
+    heights = scene.anchor_up_m
+    if scene.trajectory.up_m is None or heights is None or np.isnan(heights).any():
+        yield "not all heights are known: ranges count as horizontal where one is missing"
+    if scene.frame is None:
+        yield "the place on Earth is unknown: results are in local metres, and there can be no feed"
+    if scene.truth is None:
+        yield "no surveyed anchors: nothing to score against"

@@ -1,0 +1,48 @@
+"""Check all that a source names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gaia_uwb._shared import ConfigError, InputError
+from gaia_uwb.api import SIMULATOR, load_scenes, logs_of, read_log
+from gaia_uwb.evaluate.log_check import CheckReport, check_scene
+from gaia_uwb.logs import REGISTRY, dataset_folder, import_function
+
+
+def check_source(source: str, *, data_dir: Path | None = None) -> list[CheckReport]:
+    """Check all that a source names; a scene that cannot be read gets a report that says so.
+
+    Parameters
+    ----------
+    source, data_dir
+        Like :func:`load_scenes`.
+
+    Returns
+    -------
+    list of CheckReport
+        One per scene; for a whole data set, one more on what its scenes do not show.
+
+    Raises
+    ------
+    SourceError
+        If there is no such folder, name or part, or the data set has not been fetched.
+    """
+    name, _, part = source.partition(":")
+    if name == SIMULATOR or name in REGISTRY:
+        try:
+            reports = [check_scene(scene) for scene in load_scenes(source, data_dir=data_dir)]
+            checker = REGISTRY[name].checker if name in REGISTRY and not part else None
+            if checker is not None:
+                reports.append(import_function(checker)(dataset_folder(name, data_dir)))
+        except InputError as error:
+            reports = [CheckReport.of_failure(source, error)]
+        return reports
+    return [_check_log(path) for path in logs_of(source)]
+
+
+def _check_log(path: Path) -> CheckReport:
+    try:
+        return check_scene(*read_log(path))
+    except (InputError, ConfigError) as error:
+        return CheckReport.of_failure(str(path), error)

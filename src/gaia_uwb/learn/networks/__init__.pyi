@@ -1,0 +1,14 @@
+from .augmentation import varied as varied
+from .export import export_onnx as export_onnx
+from .gaia import Gaia as Gaia
+from .gaia_set import GaiaSet as GaiaSet
+from .make import make_network as make_network
+from .mlp import Mlp as Mlp
+from .pose_mlp import PoseMlp as PoseMlp
+from .set_export import export_set_onnx as export_set_onnx
+from .window_losses import Batch as Batch
+from .window_losses import loss_terms as loss_terms
+from .zone_losses import ZoneTargets as ZoneTargets
+from .zone_losses import place_log_density as place_log_density
+from .zone_losses import wrong_side_share as wrong_side_share
+from .zone_losses import zone_losses as zone_losses

@@ -1,0 +1,255 @@
+"""Tables made from logs that are no tables: lines of text, messages of a bag, mapped columns.
+
+They are checked by the same rules as GAIA's own files, and their errors name the line or the
+message, for each row remembers where it came from.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from gaia_uwb._shared import Array, InputError, Int64
+from gaia_uwb.logs._table import MAX_ROWS, Table
+
+MAX_ANCHORS = 4096
+"""More distinct anchors than this are no anchors: the wrong field was taken for the id."""
+
+MAX_TEXT_BYTES = 4 * 2**30
+"""A larger text log is refused before it is read."""
+
+_MAX_LINE_BYTES = 2**16
+_MAX_ID_LENGTH = 200
+
+
+@dataclass(frozen=True)
+class LogTable(Table):
+    """A table whose rows come from lines or messages.
+
+    Parameters
+    ----------
+    path, columns, labels, unknown
+        Like those of :class:`Table`.
+    number : (R,)
+        Number of each row's line or message, from 1.
+    origin : (R,)
+        Index into ``origins``.
+    origins
+        What stands before the number in an error: ``"a.log, row"``.
+    names
+        Column -> how its source calls it, where that differs.
+    """
+
+    number: Int64[Array, "R"] = field(default_factory=lambda: np.zeros(0, np.int64))
+    origin: Int64[Array, "R"] = field(default_factory=lambda: np.zeros(0, np.int64))
+    origins: tuple[str, ...] = ()
+    names: Mapping[str, str] = field(default_factory=dict)
+
+    def error(
+        self, problem: str, *, index: int | None = None, column: str | None = None
+    ) -> InputError:
+        """Return the error that names the line or message of the row ``index``."""
+        source = str(self.path)
+        if index is not None:
+            source = f"{self.origins[self.origin[index]]} {self.number[index]}"
+        name = None if column is None else self.names.get(column, column)
+        return InputError(problem, source=source, column=name)
+
+    def take(self, rows: Array) -> LogTable:
+        """Return the table of some rows, named by index or by a mask."""
+        columns = {name: values[rows] for name, values in self.columns.items()}
+        return replace(self, columns=columns, number=self.number[rows], origin=self.origin[rows])
+
+
+class LogRows:
+    """Rows that grow one by one, in bounded memory.
+
+    Parameters
+    ----------
+    path
+        The file.
+    names
+        Columns of numbers; the first is ``t_s``.
+    row_word
+        What a row is called: ``"row"`` for a line, ``"topic /uwb, message"`` for a message.
+    """
+
+    def __init__(self, path: Path, names: Sequence[str], row_word: str = "row") -> None:
+        self.path = path
+        self.names = tuple(names)
+        self.row_word = row_word
+        self._values = array("d")
+        self._number = array("q")
+        self._anchor = array("q")
+        self._ids: dict[str, int] = {}
+
+    def __len__(self) -> int:
+        return len(self._number)
+
+    def add(self, number: int, values: Iterable[float], anchor_id: str | None = None) -> None:
+        """Append a row.
+
+        Raises
+        ------
+        InputError
+            If there are too many rows or anchors.
+        """
+        if len(self._number) >= MAX_ROWS:
+            raise InputError(f"more than {MAX_ROWS:,} rows: split the log", source=self.path)
+        if anchor_id is not None:
+            code = self._ids.get(anchor_id)
+            self._anchor.append(self._code(anchor_id, number) if code is None else code)
+        self._values.extend(values)
+        self._number.append(number)
+
+    def _code(self, anchor_id: str, number: int) -> int:
+        code = self._ids.setdefault(anchor_id, len(self._ids))
+        if code == MAX_ANCHORS or len(anchor_id) > _MAX_ID_LENGTH:
+            source = f"{self.path}, {self.row_word} {number}"
+            if code == MAX_ANCHORS:
+                problem = f"more than {MAX_ANCHORS:,} anchors: is this field the anchor's id?"
+            else:
+                problem = f"an anchor's id has {len(anchor_id):,} characters: is this its id?"
+            raise InputError(problem, source=source)
+        return code
+
+    def table(self) -> LogTable:
+        """Return the rows as a table; ids become a text column ``anchor_id``."""
+        values = np.frombuffer(self._values, np.float64).reshape(-1, len(self.names))
+        columns: dict[str, Array] = {name: values[:, k] for k, name in enumerate(self.names)}
+        labels = {}
+        if self._ids:
+            ids = tuple(sorted(self._ids))
+            place = {anchor_id: k for k, anchor_id in enumerate(ids)}
+            sorted_code = np.array([place[anchor_id] for anchor_id in self._ids], np.int64)
+            columns["anchor_id"] = sorted_code[np.frombuffer(self._anchor, np.int64)]
+            labels["anchor_id"] = ids
+        return LogTable(
+            path=self.path,
+            columns=columns,
+            labels=labels,
+            unknown=(),
+            number=np.frombuffer(self._number, np.int64),
+            origin=np.zeros(len(self), np.int64),
+            origins=(f"{self.path}, {self.row_word}",),
+        )
+
+
+def join(tables: Sequence[LogTable]) -> LogTable:
+    """Return the rows of several tables of ranges as one; a column that one lacks is NaN there.
+
+    Raises
+    ------
+    InputError
+        If there are too many rows.
+    """
+    if len(tables) == 1:
+        return tables[0]
+    if sum(map(len, tables)) > MAX_ROWS:
+        raise InputError(f"more than {MAX_ROWS:,} ranges: split the log", source=tables[0].path)
+    ids = tuple(sorted({label for table in tables for label in table.labels["anchor_id"]}))
+    place = {anchor_id: k for k, anchor_id in enumerate(ids)}
+    columns: dict[str, Array] = {}
+    for name in dict.fromkeys(name for table in tables for name in table.columns):
+        columns[name] = np.concatenate([_column(table, name, place) for table in tables])
+    starts = np.cumsum([0, *(len(table.origins) for table in tables)])
+    return LogTable(
+        path=tables[0].path,
+        columns=columns,
+        labels={"anchor_id": ids},
+        unknown=(),
+        number=np.concatenate([table.number for table in tables]),
+        origin=np.concatenate([t.origin + s for t, s in zip(tables, starts, strict=False)]),
+        origins=tuple(origin for table in tables for origin in table.origins),
+        names=tables[0].names,
+    )
+
+
+def _column(table: LogTable, name: str, place: Mapping[str, int]) -> Array:
+    if name == "anchor_id":
+        return np.array([place[label] for label in table.labels[name]], np.int64)[table[name]]
+    return np.full(len(table), np.nan) if name not in table else table[name]
+
+
+def tidy(table: LogTable, *, merged: bool = False) -> tuple[LogTable, list[str]]:
+    """Sort a log by time, and keep the first of rows that repeat a time (of an anchor).
+
+    Parameters
+    ----------
+    table
+        The rows as they were read.
+    merged
+        They come from several logs one after the other, so that sorting is no news.
+
+    Returns
+    -------
+    LogTable
+        The rows in the order of time.
+    list of str
+        Notes on what was sorted and left out.
+    """
+    notes = []
+    t_s = table["t_s"]
+    n_late = int((np.diff(t_s) < 0).sum())
+    if n_late and not merged:
+        notes.append(f"{table.path.name}: {n_late} rows come before their predecessors: sorted")
+    anchor = table.get("anchor_id")
+    keys = (t_s,) if anchor is None else (anchor, t_s)
+    order = np.lexsort(keys)
+    repeat = np.ones(max(len(table) - 1, 0), np.bool_)
+    for key in keys:
+        repeat &= np.diff(key[order]) == 0
+    if repeat.any():
+        what = "have the time of another" if anchor is None else "repeat an anchor at one time"
+        notes.append(f"{table.path.name}: {int(repeat.sum())} rows {what}: left out")
+    kept = order[np.append(True, ~repeat)[: len(table)]]
+    return table.take(kept), notes
+
+
+def read_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield number (from 1) and text of a log's lines; a byte that is no ASCII becomes ``?``.
+
+    A line longer than 64 KiB comes in pieces, so that memory stays bounded.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is too large.
+    """
+    check_file(path, MAX_TEXT_BYTES)
+    try:
+        with path.open("rb") as file:
+            number = 0
+            while line := file.readline(_MAX_LINE_BYTES):
+                number += 1
+                yield number, line.decode("ascii", "replace").replace("\ufffd", "?").strip()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=path) from error
+
+
+def check_file(path: Path, most_bytes: int) -> None:
+    """Refuse what is no regular file (a pipe would wait for ever), and a file that is too large.
+
+    Raises
+    ------
+    InputError
+        If it is either, or empty.
+    """
+    try:
+        if not path.is_file():
+            problem = "is no file" if path.exists() else "no such file"
+            raise InputError(problem, source=path)
+        size = path.stat().st_size
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=path) from error
+    except ValueError as error:
+        raise InputError(f"cannot be read: {error}", source=path) from error
+    if not size:
+        raise InputError("is empty", source=path)
+    if size > most_bytes:
+        problem = f"has {size:,} bytes, but at most {most_bytes:,} are read at once: split the log"
+        raise InputError(problem, source=path)

@@ -1,0 +1,336 @@
+"""Tables on disk (CSV, Parquet), read strictly: an error names the file, the row and the column.
+
+A good file is read once, by polars, with the types that are wanted. Only when that fails, or finds
+a value that is not allowed, ``_cells.py`` walks through the text to name the first wrong cell.
+
+Memory stays bounded whatever the size of a file: only wanted columns are read, and a table of more
+than :data:`MAX_ROWS` rows is refused before it is read.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gaia_uwb._shared import Array, InputError
+from gaia_uwb.logs._cells import Kind, find_row, find_wrong_cell, read_header
+
+MAX_ROWS = 16_000_000
+"""Most rows of one table; reading so many ranges takes about 2 GiB of memory."""
+
+_CHUNK_BYTES = 16 * 2**20
+_STDERR = 2
+_FEW_ROWS = 1_000_000  # of more, times and ranges that differ take a byte a row at the very least
+
+
+@dataclass(frozen=True)
+class Table:
+    """The wanted columns of a table.
+
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        Column -> values: float64 for numbers (NaN for nothing), int64 for integers, bool for flags.
+        A text column holds int64 indices into its ``labels``.
+    labels
+        Text column -> its distinct texts, without spaces around them, sorted.
+    unknown
+        Names of the columns that were not asked for.
+    """
+
+    path: Path
+    columns: Mapping[str, Array]
+    labels: Mapping[str, tuple[str, ...]]
+    unknown: tuple[str, ...]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.columns
+
+    def __getitem__(self, name: str) -> Array:
+        return self.columns[name]
+
+    def get(self, name: str) -> Array | None:
+        """Return a column's values, or ``None`` if the table lacks it."""
+        return self.columns.get(name)
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def error(
+        self, problem: str, *, index: int | None = None, column: str | None = None
+    ) -> InputError:
+        """Return the error that names the row of values ``index`` as the file's reader sees it."""
+        row = None
+        if index is not None:
+            parquet = _is_parquet(self.path)
+            row = index + 1 if parquet else find_row(self.path, list(self.columns), index)
+        return InputError(problem, source=self.path, row=row, column=column)
+
+
+def read_table(
+    path: Path, required: Mapping[str, Kind], optional: Mapping[str, Kind] | None = None
+) -> Table:
+    """Read the columns of a CSV or Parquet file (told apart by the name's ending).
+
+    Parameters
+    ----------
+    path
+        The file.
+    required
+        Columns that must be there, and what they hold.
+    optional
+        Columns that are read if they are there.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is empty or too long, lacks a column or has it twice, or a cell
+        does not hold what its column must hold.
+    """
+    known = {**required, **(optional or {})}
+    header = read_names(path)
+    _check_names(path, header, required, known)
+    kinds = {name: kind for name, kind in known.items() if name in header}
+    with read_errors(path):
+        frame = _read_parquet(path, kinds) if _is_parquet(path) else _read_csv(path, kinds)
+    if not len(frame):
+        raise InputError("holds a header but no rows", source=path)
+    labels = {
+        name: tuple(frame[name].unique().sort())
+        for name, kind in kinds.items()
+        if kind is Kind.TEXT
+    }
+    columns = {
+        name: _to_array(frame[name], kind, labels.get(name, ())) for name, kind in kinds.items()
+    }
+    return Table(path, columns, labels, tuple(name for name in header if name not in known))
+
+
+def read_names(path: Path) -> list[str]:
+    """Return the names of a table's columns.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is empty.
+    """
+    with read_errors(path):
+        return list(_parquet_schema(path)) if _is_parquet(path) else read_header(path)
+
+
+def _check_names(
+    path: Path, header: list[str], required: Mapping[str, Kind], known: Mapping[str, Kind]
+) -> None:
+    """Refuse a table that lacks a column or has one twice."""
+    for name in required:
+        if name not in header:
+            found = f"found {', '.join(map(repr, header))}" if any(header) else "found no header"
+            if len(header) == 1 and re.search("[;\t]", header[0]):
+                found = "found semicolons or tabs where commas must separate the columns"
+            near = difflib.get_close_matches(name, [h for h in header if h not in known], n=1)
+            hint = f"; is {near[0]!r} meant to be it?" if near else ""
+            raise InputError(f"missing; {found[:200]}{hint}", source=path, column=name)
+    for name in known:
+        if header.count(name) > 1:
+            raise InputError("the header has this column twice", source=path, row=1, column=name)
+
+
+def _read_csv(path: Path, kinds: Mapping[str, Kind]) -> Any:
+    """Return the polars frame of the wanted columns, without blank rows; flags are still texts."""
+    import polars as pl
+
+    _check_length(path)
+    values = {}
+    for name, dtype in _polars_types(kinds).items():
+        stripped = pl.col(name).str.strip_chars()
+        # Cast here, chunk by chunk, and not by polars' CSV reader: that one panics on a cell that
+        # is a single quote, with a stack trace on stderr.
+        values[name] = pl.when(stripped != "").then(stripped).cast(dtype)
+    scan = pl.scan_csv(path, infer_schema=False).select(**values)
+    try:
+        with read_errors(path):
+            frame = scan.filter(~pl.all_horizontal(pl.all().is_null())).collect(engine="streaming")
+    except InputError as error:
+        raise find_wrong_cell(path, kinds, otherwise=error.problem) from error
+    if _first_refused(frame, kinds):
+        raise find_wrong_cell(path, kinds, otherwise="a cell cannot be understood")
+    return frame
+
+
+def _check_length(path: Path) -> None:
+    """Refuse a text file with too many rows; a small file is not even looked at."""
+    if path.stat().st_size <= _CHUNK_BYTES:
+        return
+    n_rows = 0
+    with path.open("rb") as file:
+        while chunk := file.read(_CHUNK_BYTES):
+            n_lines = chunk.count(b"\n")
+            if not n_lines and len(chunk) == _CHUNK_BYTES:
+                problem = f"no line end within {_CHUNK_BYTES:,} bytes: this is no table"
+                raise InputError(problem, source=path, row=n_rows + 1)
+            n_rows += n_lines
+    _check_n_rows(path, n_rows - 1)  # without the header
+
+
+def _check_n_rows(path: Path, n_rows: int) -> None:
+    if n_rows > MAX_ROWS:
+        problem = f"has {n_rows:,} rows, but at most {MAX_ROWS:,} are read at once: split the log"
+        raise InputError(problem, source=path)
+
+
+def _read_parquet(path: Path, kinds: Mapping[str, Kind]) -> Any:
+    """Return the polars frame of the wanted columns; flags are still texts."""
+    import polars as pl
+
+    schema = _parquet_schema(path)
+    for name, kind in kinds.items():
+        if not _fits(schema[name], kind):
+            problem = f"expected a type that holds {kind}, got {schema[name]}"
+            raise InputError(problem, source=path, column=name)
+    casts = [
+        pl.col(name).cast(dtype).str.strip_chars()
+        if kinds[name] is Kind.TEXT
+        else pl.col(name).cast(dtype)
+        for name, dtype in _polars_types(kinds).items()
+    ]
+    scan = pl.scan_parquet(path)
+    n_rows = int(scan.select(pl.len()).collect().item())
+    _check_n_rows(path, n_rows)
+    if n_rows > _FEW_ROWS + path.stat().st_size:
+        raise InputError(
+            f"declares {n_rows:,} rows, more than a file of its size holds", source=path
+        )
+    frame = scan.select(casts).collect(engine="streaming")
+    if refused := _first_refused(frame, kinds):
+        name, index = refused
+        value = frame[name][index]
+        problem = f"expected {kinds[name]}, got {'nothing' if value in (None, '') else value}"
+        raise InputError(problem, source=path, row=index + 1, column=name)
+    return frame
+
+
+def _is_parquet(path: Path) -> bool:
+    return path.suffix == ".parquet"
+
+
+def _parquet_schema(path: Path) -> dict[str, Any]:
+    import polars as pl
+
+    return dict(pl.read_parquet_schema(path))
+
+
+def _fits(dtype: Any, kind: Kind) -> bool:
+    """Tell whether a Parquet column of this type can hold what is wanted."""
+    import polars as pl
+
+    match kind:
+        case Kind.FLAG:
+            return bool(dtype == pl.Boolean)
+        case Kind.INTEGER:
+            return bool(dtype.is_integer())
+        case Kind.TEXT:
+            return bool(dtype.is_integer() or dtype in (pl.String, pl.Categorical, pl.Enum))
+    return bool(dtype.is_numeric())
+
+
+def _polars_types(kinds: Mapping[str, Kind]) -> dict[str, Any]:
+    import polars as pl
+
+    types = {Kind.NUMBER: pl.Float64, Kind.OPTIONAL: pl.Float64, Kind.INTEGER: pl.Int64}
+    return {name: types.get(kind, pl.String) for name, kind in kinds.items()}
+
+
+@contextmanager
+def read_errors(path: Path) -> Iterator[None]:
+    """Turn the system's and polars' many-lined errors into one line of ours.
+
+    Parameters
+    ----------
+    path
+        What is read.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    import polars as pl
+
+    try:
+        with _quiet():
+            yield
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=path) from error
+    except pl.exceptions.PanicException as error:
+        raise InputError("cannot be read: it is damaged", source=path) from error
+    except pl.exceptions.PolarsError as error:
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(f"cannot be read: {reason}", source=path) from error
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep libraries off stderr: where a damaged file makes polars panic, it prints a trace."""
+    try:
+        sys.stderr.flush()
+        kept = os.dup(_STDERR)
+    except (OSError, ValueError, AttributeError):  # nobody listens
+        yield
+        return
+    try:
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), _STDERR)
+        yield
+    finally:
+        os.dup2(kept, _STDERR)
+        os.close(kept)
+
+
+def _first_refused(frame: Any, kinds: Mapping[str, Kind]) -> tuple[str, int] | None:
+    """Return column and index of a value that its column must not hold, if there is one."""
+    import polars as pl
+
+    for name, kind in kinds.items():
+        column = pl.col(name)
+        match kind:
+            case Kind.NUMBER:
+                refused = ~column.is_finite()
+            case Kind.TEXT:
+                refused = column.str.strip_chars() == ""
+            case Kind.FLAG:
+                refused = ~column.str.to_lowercase().is_in(["true", "false", "1", "0"])
+            case Kind.INTEGER:
+                refused = pl.lit(value=False)
+            case Kind.OPTIONAL:
+                continue
+        index = frame.select((column.is_null() | refused).arg_true().first()).item()
+        if index is not None:
+            return name, int(index)
+    return None
+
+
+def _to_array(column: Any, kind: Kind, labels: tuple[str, ...]) -> Array:
+    """Return a checked column's values (of a text: the index into its labels)."""
+    import polars as pl
+
+    match kind:
+        case Kind.TEXT:
+            values = column.cast(pl.Enum(labels)).to_physical().cast(pl.Int64).to_numpy()
+        case Kind.FLAG:
+            values = column.str.to_lowercase().is_in(["true", "1"]).to_numpy()
+        case Kind.OPTIONAL:
+            values = np.nan_to_num(column.to_numpy(), nan=np.nan, posinf=np.nan, neginf=np.nan)
+        case _:
+            values = column.to_numpy()
+    return np.asarray(values)

@@ -1,0 +1,70 @@
+"""ROS 2's SQLite storage (``.db3``), read with the standard library."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from urllib.parse import quote
+
+from gaia_uwb._shared import InputError
+from gaia_uwb.logs.bags.container import MAX_MESSAGE_BYTES, Bag, Channel, Message
+
+_MAX_TABLES = 1000
+
+
+class SqliteBag(Bag):
+    """One ``.db3`` file; its own definitions are there since ROS 2 Iron."""
+
+    def walk(self, wanted: set[int], *, inside: bool = True) -> Iterator[Message]:
+        """Yield the wanted messages, see :meth:`Bag.walk`; ``inside`` has no meaning here."""
+        self.unpacked = 0
+        try:
+            with closing(self._connect()) as connection:
+                if not self.channels:
+                    self._read_channels(connection)
+                if wanted:
+                    yield from self._messages(connection, wanted)
+        except (sqlite3.Error, ValueError, OverflowError) as error:
+            reason = " ".join(str(error).split())[:200]
+            raise InputError(f"damaged or no ROS 2 database: {reason}", source=self.path) from error
+
+    def _connect(self) -> sqlite3.Connection:
+        address = f"file:{quote(str(self.path.resolve()))}?mode=ro&immutable=1"
+        connection = sqlite3.connect(address, uri=True)
+        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 4 * MAX_MESSAGE_BYTES)
+        connection.text_factory = lambda text: text.decode("utf-8", "replace")
+        return connection
+
+    def _read_channels(self, connection: sqlite3.Connection) -> None:
+        rows = connection.execute("SELECT name, type FROM sqlite_master LIMIT ?", (_MAX_TABLES,))
+        kinds = dict(rows.fetchall())
+        # A view could compute for ever; only tables are read.
+        for table in ("topics", "messages"):
+            if kinds.get(table) != "table":
+                raise InputError(f"is no ROS 2 database: it has no table {table}", source=self.path)
+        definitions = {}
+        if kinds.get("message_definitions") == "table":
+            query = (
+                "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+            )
+            for name, encoding, text in connection.execute(query):
+                if encoding == "ros2msg" and isinstance(text, str) and text:
+                    definitions[name] = text
+        for row in connection.execute("SELECT id, name, type, serialization_format FROM topics"):
+            key, topic, msgtype, encoding = row
+            if not (isinstance(key, int) and all(isinstance(text, str) for text in row[1:])):
+                raise InputError("damaged: a topic without a name or a type", source=self.path)
+            self.add(Channel(key, topic, msgtype, definitions.get(msgtype), encoding))
+        query = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
+        self.counts = dict(connection.execute(query).fetchall())
+
+    def _messages(self, connection: sqlite3.Connection, wanted: set[int]) -> Iterator[Message]:
+        marks = ",".join("?" * len(wanted))
+        query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks})"  # noqa: S608  # only marks
+        for row, (key, time_ns, data) in enumerate(connection.execute(query, sorted(wanted)), 1):
+            if not (isinstance(time_ns, int) and isinstance(data, bytes)):
+                problem = "damaged: expected a time and bytes in the table messages"
+                raise InputError(problem, source=self.path, row=row)
+            if len(data) <= MAX_MESSAGE_BYTES:
+                yield Message(self.channels[key], time_ns, data)

@@ -1,0 +1,217 @@
+"""Logs that are not in GAIA's own format: ROS logs, and folders with a ``gaia.yaml``.
+
+Each file is read by its format's reader into a table of our columns; what follows is the same for
+all of them and the same as for GAIA's own format: sort, check that it can be one drive in seconds
+and metres, project, and move to the tag's antenna.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from gaia_uwb._shared import InputError
+from gaia_uwb.logs import _plausible
+from gaia_uwb.logs._lever_arm import LeverArm, move_to_tag
+from gaia_uwb.logs._logs import LogTable, join, tidy
+from gaia_uwb.logs._places import Places, first_place, to_places
+from gaia_uwb.logs._scenes import make_truth, range_log, read_anchors
+from gaia_uwb.logs.bags import is_ros2_folder
+from gaia_uwb.logs.input_description import (
+    FILE_NAME,
+    CsvRanges,
+    CsvTrajectory,
+    Dwm1001Ranges,
+    FrameInput,
+    InputDescription,
+    NmeaTrajectory,
+    RosRanges,
+    RosTrajectory,
+    read_description,
+)
+from gaia_uwb.logs.ros import RosLog
+from gaia_uwb.scene import LocalFrame, Scene, Trajectory
+
+ROS_FILES = (".bag", ".mcap")
+"""Endings of ROS logs that are one file."""
+
+
+def is_described(path: Path) -> bool:
+    """Tell whether a path is a log that :func:`read_described` reads."""
+    if path.is_dir():
+        return (path / FILE_NAME).is_file() or is_ros2_folder(path)
+    return path.suffix in ROS_FILES and path.is_file()
+
+
+def read_described(path: Path) -> tuple[Scene, tuple[str, ...]]:
+    """Read a ROS log, or a folder with a ``gaia.yaml``.
+
+    Parameters
+    ----------
+    path
+        A ``.bag`` or ``.mcap`` file, a ROS 2 folder, or a folder with a ``gaia.yaml``.
+
+    Returns
+    -------
+    Scene
+        The scene.
+    tuple of str
+        Notes on what was put up with on the way.
+
+    Raises
+    ------
+    InputError
+        If data are wrong: the message names the file and the line or message.
+    ConfigError
+        If ``gaia.yaml`` is wrong, or the extra ``ros`` is not installed.
+    """
+    if path.is_dir() and (path / FILE_NAME).is_file():
+        return _Reader(path, read_description(path / FILE_NAME)).scene()
+    ros = {"file": path.resolve().name, "format": "ros"}
+    description = InputDescription.model_validate(
+        {"name": path.resolve().stem, "trajectory": ros, "ranges": [ros]}
+    )
+    return _Reader(path.resolve().parent, description, shown=path).scene()
+
+
+def named_elsewhere(folder: Path) -> list[Path]:
+    """Return the files and folders outside a log's folder that its ``gaia.yaml`` names.
+
+    Parameters
+    ----------
+    folder
+        The log's folder.
+
+    Raises
+    ------
+    InputError, ConfigError
+        If there is a ``gaia.yaml`` that cannot be read or is wrong.
+    """
+    if not (folder / FILE_NAME).is_file():
+        return []
+    named = [folder / name for name in read_description(folder / FILE_NAME).names()]
+    inside = Path(os.path.realpath(folder))
+    return [path for path in named if inside not in Path(os.path.realpath(path)).parents]
+
+
+class _Reader:
+    """Reads what one description names.
+
+    Parameters
+    ----------
+    folder
+        Where its files are.
+    description
+        What it says.
+    shown
+        The path as the user named it, if that is the only file.
+    """
+
+    def __init__(
+        self, folder: Path, description: InputDescription, shown: Path | None = None
+    ) -> None:
+        self._folder = folder
+        self._description = description
+        self._shown = shown
+        self._notes: list[str] = []
+        self._logs: dict[tuple[Path, str | None], RosLog] = {}
+
+    def scene(self) -> tuple[Scene, tuple[str, ...]]:
+        """Return the scene and the notes."""
+        given = self._description
+        drive, ranges = self._drive(), self._ranges()
+        frame, places = self._places(drive)
+        _plausible.check_seconds(ranges)
+        _plausible.check_one_drive(ranges, drive, places.position_m)
+        table = None if given.anchors is None else self._anchors_file(given.anchors)
+        anchors = read_anchors(table, frame, ranges.labels["anchor_id"])
+        order = ranges["t_s"].argsort(kind="stable")
+        scene = Scene(
+            name=given.name if given.name is not None else self._folder.resolve().name,
+            trajectory=Trajectory(t_s=drive["t_s"], position_m=places.position_m, up_m=places.up_m),
+            ranges=range_log(ranges, order, anchors.ids),
+            anchor_ids=anchors.ids,
+            anchor_up_m=anchors.up_m,
+            frame=frame,
+            truth=make_truth(ranges, order, anchors, None),
+        )
+        return scene, tuple(dict.fromkeys(self._notes))
+
+    def _drive(self) -> LogTable:
+        from gaia_uwb.logs import csv_map
+        from gaia_uwb.logs.nmea import read_nmea
+
+        match self._description.trajectory:
+            case RosTrajectory() as given:
+                log = self._ros(given)
+                table, notes = log.trajectory(given.topic, given.clock), log.notes
+            case NmeaTrajectory() as given:
+                table, notes = read_nmea(self._path(given.file), given.stamps, given.clock)
+            case CsvTrajectory() as given:
+                path = self._path(given.file)
+                table, notes = csv_map.read_trajectory(path, given.columns, given.stamps), []
+        self._notes += notes
+        table, notes = tidy(table)
+        self._notes += notes
+        _plausible.check_seconds(table)
+        _plausible.check_timeline(table)
+        return table
+
+    def _ranges(self) -> LogTable:
+        tables = []
+        for given in self._description.ranges:
+            table, notes = tidy(self._ranges_of(given))
+            self._notes += notes
+            tables.append(table)
+        table, notes = tidy(join(tables), merged=True)
+        self._notes += notes
+        return table
+
+    def _ranges_of(self, given: RosRanges | CsvRanges | Dwm1001Ranges) -> LogTable:
+        from gaia_uwb.logs import csv_map
+        from gaia_uwb.logs.dwm1001 import read_dwm1001
+
+        match given:
+            case RosRanges():
+                log = self._ros(given)
+                table, notes = log.ranges(given.topic, given.fields, given.clock), log.notes
+            case CsvRanges():
+                path = self._path(given.file)
+                table, notes = csv_map.read_ranges(path, given.columns, given.stamps), []
+            case Dwm1001Ranges():
+                table, notes = read_dwm1001(self._path(given.file), given.stamps)
+        self._notes += notes
+        return table
+
+    def _places(self, drive: LogTable) -> tuple[LocalFrame | None, Places]:
+        """Return the local frame, if there is one, and the path of the tag's antenna."""
+        given: FrameInput | None = self._description.frame
+        frame = LocalFrame(**dict(given)) if given else first_place(drive)
+        places = to_places(drive, frame)
+        arm: LeverArm = self._description.lever_arm
+        try:
+            moved = move_to_tag(drive["t_s"], places.position_m, places.up_m, arm)
+        except InputError as error:
+            raise drive.error(error.problem, column=error.column) from error
+        if arm.up_m and places.up_m is None:
+            self._notes.append("lever_arm: up_m not used, for the trajectory has no heights")
+        return frame, Places(*moved)
+
+    def _ros(self, given: RosTrajectory | RosRanges) -> RosLog:
+        """Return a ROS log; one that holds both trajectory and ranges is scanned once."""
+        msg_dir = None if given.msg_dir is None else self._folder / given.msg_dir
+        path = self._path(given.file)
+        key = (path, given.msg_dir)
+        if key not in self._logs:
+            self._logs[key] = RosLog(path, msg_dir)
+        return self._logs[key]
+
+    def _path(self, name: str) -> Path:
+        """Return a file that the description names."""
+        return self._folder / name if self._shown is None else self._shown
+
+    def _anchors_file(self, name: str) -> Path:
+        path = self._path(name)
+        if not path.is_file():
+            raise InputError("no such file (anchors)", source=path)
+        return path

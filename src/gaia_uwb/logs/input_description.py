@@ -1,0 +1,150 @@
+"""What ``gaia.yaml`` says: which files hold the trajectory and the ranges, and how to read them.
+
+>>> from gaia_uwb.logs import InputDescription
+>>> description = InputDescription.model_validate({
+...     "trajectory": {"file": "drive.nmea", "format": "nmea"},
+...     "ranges": [{"file": "tag.log", "format": "dwm1001"}],
+... })
+>>> description.ranges[0].format
+'dwm1001'
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError
+
+from gaia_uwb._shared import MAX_BYTES, ConfigError, InputError, read_yaml
+from gaia_uwb.config import LONGEST_NAME, Settings, settings_problems
+from gaia_uwb.logs._lever_arm import LeverArm
+from gaia_uwb.logs._logs import check_file
+from gaia_uwb.logs._stamps import StampOptions
+from gaia_uwb.logs.bags import FieldMap
+from gaia_uwb.logs.csv_map import RangeColumns, TrajectoryColumns
+
+FILE_NAME = "gaia.yaml"
+"""Name of the description within the folder of a log."""
+
+_MAX_RANGE_FILES = 100
+
+
+class _File(Settings):
+    file: str = Field(min_length=1)
+    """Path, seen from the description's folder."""
+
+
+class _Ros(_File):
+    format: Literal["ros"]
+    topic: str | None = None
+    """``None`` takes the only topic that fits."""
+    clock: Literal["auto", "header", "receive"] = "auto"
+    """Time of the message's header or of its recording; ``auto``: header where there is one."""
+    msg_dir: str | None = None
+    """Folder with ``.msg`` files of types that the log lacks."""
+
+
+class RosTrajectory(_Ros):
+    """A trajectory in a ROS log."""
+
+
+class RosRanges(_Ros):
+    """Ranges in a ROS log."""
+
+    fields: FieldMap | None = None
+    """Where the messages keep what; ``None`` guesses."""
+
+
+class NmeaTrajectory(_File):
+    """A trajectory in an NMEA log."""
+
+    format: Literal["nmea"]
+    clock: Literal["gnss", "host"] = "gnss"
+    """Time of the sentence, or of the stamp before it."""
+    stamps: StampOptions = StampOptions()
+
+
+class CsvTrajectory(_File):
+    """A trajectory in a table."""
+
+    format: Literal["csv"]
+    columns: TrajectoryColumns
+    stamps: StampOptions = StampOptions()
+
+
+class CsvRanges(_File):
+    """Ranges in a table."""
+
+    format: Literal["csv"]
+    columns: RangeColumns
+    stamps: StampOptions = StampOptions()
+
+
+class Dwm1001Ranges(_File):
+    """Ranges in a DWM1001's serial log."""
+
+    format: Literal["dwm1001"]
+    stamps: StampOptions = StampOptions()
+
+
+class FrameInput(Settings):
+    """Where the local frame's origin lies on Earth."""
+
+    lat_deg: float = Field(ge=-90, le=90)
+    lon_deg: float = Field(ge=-180, le=180)
+    alt_m: float = Field(default=0.0, ge=-1e5, le=1e5)
+
+
+TrajectoryInput = Annotated[
+    RosTrajectory | NmeaTrajectory | CsvTrajectory, Field(discriminator="format")
+]
+RangesInput = Annotated[RosRanges | CsvRanges | Dwm1001Ranges, Field(discriminator="format")]
+
+
+class InputDescription(Settings):
+    """The content of ``gaia.yaml``."""
+
+    name: str | None = Field(default=None, max_length=LONGEST_NAME)
+    """Of the scene; ``None`` takes the folder's."""
+    frame: FrameInput | None = None
+    """Origin of the local frame; ``None`` takes the trajectory's first place on Earth."""
+    trajectory: TrajectoryInput
+    ranges: list[RangesInput] = Field(min_length=1, max_length=_MAX_RANGE_FILES)
+    """One or more logs of the same drive, by one clock."""
+    anchors: str | None = None
+    """Table of heights and surveyed places, like GAIA's own ``anchors.csv``."""
+    lever_arm: LeverArm = LeverArm()
+    """From the GNSS antenna to the tag's antenna."""
+
+    def names(self) -> list[str]:
+        """Return the files and folders that are named, seen from the description's folder."""
+        inputs = (self.trajectory, *self.ranges)
+        folders = [given.msg_dir for given in inputs if isinstance(given, _Ros)]
+        named = [given.file for given in inputs] + [self.anchors, *folders]
+        return [name for name in named if name is not None]
+
+
+def read_description(path: Path) -> InputDescription:
+    """Read a description.
+
+    Parameters
+    ----------
+    path
+        The YAML file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    ConfigError
+        If a key is unknown or missing, or a value is impossible: the message names the key.
+    """
+    check_file(path, MAX_BYTES)
+    try:
+        content = read_yaml(path)
+        return InputDescription.model_validate(content)
+    except ValidationError as error:
+        raise ConfigError(f"{path}: {settings_problems(error)}") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read: {error}", source=path) from error

@@ -1,0 +1,319 @@
+"""GAIA's own format: a folder with two tables, and up to two more files.
+
+==================  ================================================================================
+``trajectory.csv``  ``t_s`` and ``east_m,north_m[,up_m]`` or ``lat,lon[,alt_m]``
+``ranges.csv``      ``t_s,anchor_id,range_m[,rssi_dbm][,rssi_fp_dbm]`` and, where a simulator knows
+                    them, ``true_range_m,nlos,outlier,true_bias_m``
+``anchors.csv``     optional: ``anchor_id[,up_m]`` and, where surveyed, ``east_m,north_m`` or
+                    ``lat,lon[,alt_m]``
+``scene.yaml``      optional: ``name``, ``frame`` (``lat_deg``, ``lon_deg``, ``alt_m``) and
+                    ``clock_offset_s`` (the true one, where a simulator knows it)
+==================  ================================================================================
+
+Each table may be ``.parquet`` instead of ``.csv``. Seconds, metres, degrees, dBm; text is UTF-8.
+Positions are those of the tag's antenna. Without ``frame``, a trajectory in ``lat,lon`` takes its
+first sample as the local frame's origin. Heights (``up_m``) count from that origin. A height or a
+surveyed place that is not known is an empty cell.
+
+What was surveyed or simulated (places and the four columns above) becomes the scene's truth, which
+only scores read. Rows of ranges may come in any order, for logs merge several radios; a trajectory
+that goes back in time is an error. Columns that are not named above are ignored.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from gaia_uwb._shared import InputError, SourceError, read_yaml, remove_abandoned, temporary_path
+from gaia_uwb.config import LONGEST_NAME, Settings, settings_problems
+from gaia_uwb.logs import _plausible
+from gaia_uwb.logs._cells import Kind
+from gaia_uwb.logs._places import Places, first_place, place_kinds, to_places
+from gaia_uwb.logs._scenes import Anchors, make_truth, range_log, read_anchors
+from gaia_uwb.logs._table import Table, read_names, read_table
+from gaia_uwb.scene import LocalFrame, Scene, Trajectory
+
+_SCENE_FILE = "scene.yaml"
+_TABLES = ("trajectory", "ranges", "anchors")
+_SUFFIXES = (".csv", ".parquet")
+_OUR_FILES = (*(table + suffix for table in _TABLES for suffix in _SUFFIXES), _SCENE_FILE)
+_TRUTH = {
+    "true_range_m": Kind.OPTIONAL,
+    "nlos": Kind.FLAG,
+    "outlier": Kind.FLAG,
+    "true_bias_m": Kind.OPTIONAL,
+}
+
+
+class _FrameContent(Settings):
+    lat_deg: float = Field(ge=-90, le=90)
+    lon_deg: float = Field(ge=-180, le=180)
+    alt_m: float = Field(default=0.0, ge=-1e5, le=1e5)
+
+
+class _SceneContent(Settings):
+    name: str | None = Field(default=None, max_length=LONGEST_NAME)
+    frame: _FrameContent | None = None
+    clock_offset_s: float | None = None
+
+
+def is_native(folder: Path) -> bool:
+    """Tell whether a folder holds a trajectory table, as every scene in this format does."""
+    return any((folder / f"trajectory{suffix}").is_file() for suffix in _SUFFIXES)
+
+
+def read_native(folder: str | Path) -> Scene:
+    """Read a scene in GAIA's own format.
+
+    Parameters
+    ----------
+    folder
+        Folder with the files that this module's text describes.
+
+    Raises
+    ------
+    SourceError
+        If there is no such folder.
+    InputError
+        If a table is missing, or a file does not hold what it must hold: the message names the
+        file, the row and the column.
+    """
+    return read_with_notes(Path(folder))[0]
+
+
+def read_with_notes(folder: Path) -> tuple[Scene, tuple[str, ...]]:
+    """Read a scene like :func:`read_native`, and say what was put up with on the way.
+
+    Parameters
+    ----------
+    folder
+        Folder with the files that this module's text describes.
+
+    Returns
+    -------
+    Scene
+        The scene.
+    tuple of str
+        One note per thing that a careful user would want to know, none if all is plain.
+
+    Raises
+    ------
+    SourceError, InputError
+        Like :func:`read_native`.
+    """
+    if not folder.is_dir():
+        raise SourceError(f"{folder}: no such folder")
+    content = _read_scene_file(folder / _SCENE_FILE)
+    drive = _read_trajectory(_need(folder, "trajectory"))
+    frame = LocalFrame(**dict(content.frame)) if content.frame else first_place(drive)
+    places = to_places(drive, frame)
+    ranges = _read_ranges(_need(folder, "ranges"), drive, places)
+    anchors = read_anchors(_find(folder, "anchors"), frame, ranges.labels["anchor_id"])
+    # Logs merge several radios, so that their rows need not be in the order of time.
+    order = np.argsort(ranges["t_s"], kind="stable")
+    scene = Scene(
+        name=folder.resolve().name if content.name is None else content.name,
+        trajectory=Trajectory(t_s=drive["t_s"], position_m=places.position_m, up_m=places.up_m),
+        ranges=range_log(ranges, order, anchors.ids),
+        anchor_ids=anchors.ids,
+        anchor_up_m=anchors.up_m,
+        frame=frame,
+        truth=make_truth(ranges, order, anchors, content.clock_offset_s),
+    )
+    return scene, tuple(_notes(scene, drive, ranges, anchors))
+
+
+def write_native(
+    scene: Scene, folder: str | Path, file_format: Literal["csv", "parquet"] = "csv"
+) -> None:
+    """Write a scene in GAIA's own format; :func:`read_native` gives back an equal one.
+
+    All files are written beside their place first and then renamed, the trajectory last: a folder
+    without one is no scene, so that an interruption leaves no half of one. Other files in the
+    folder stay; a scene that it holds already is replaced.
+
+    Parameters
+    ----------
+    scene
+        What to write.
+    folder
+        Where; made if needed, with the folders above it.
+    file_format
+        Of the tables.
+
+    Raises
+    ------
+    SourceError
+        If the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from gaia_uwb.scene import RangeLog, Scene, Trajectory
+    >>> drive = Trajectory(np.array([0.0, 1.0]), np.array([[0.0, 0.0], [10.0, 0.5]]))
+    >>> log = RangeLog(np.array([0.2]), np.array([0]), np.array([12.5]))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_native(Scene("pass", drive, log, ("cone-1",)), folder)
+    ...     print((Path(folder) / "ranges.csv").read_text(), end="")
+    t_s,anchor_id,range_m
+    0.2,cone-1,12.5
+    """
+    folder = Path(folder)
+    new = temporary_path(folder, "scene")
+    try:
+        new.mkdir(parents=True)
+        remove_abandoned(folder)
+        (new / _SCENE_FILE).write_text(_scene_file(scene), encoding="utf-8")
+        for table, columns in _tables(scene).items():
+            _write_table(columns, new / f"{table}.{file_format}")
+        for name in _OUR_FILES:  # the trajectory goes first and comes last
+            (folder / name).unlink(missing_ok=True)
+        for path in sorted(new.iterdir()):
+            path.rename(folder / path.name)
+    except OSError as error:
+        raise SourceError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+
+
+# Reading -----------------------------------------------------------------------------------------
+
+
+def _find(folder: Path, table: str) -> Path | None:
+    """Return the file that holds a table, if there is one."""
+    paths = [folder / f"{table}{suffix}" for suffix in _SUFFIXES]
+    found = [path for path in paths if os.path.lexists(path)]
+    if len(found) > 1:
+        raise InputError(f"has both {found[0].name} and {found[1].name}: keep one", source=folder)
+    if found and not found[0].is_file():
+        raise InputError("is a folder, a pipe or a broken link, and no file", source=found[0])
+    return found[0] if found else None
+
+
+def _need(folder: Path, table: str) -> Path:
+    path = _find(folder, table)
+    if path is None:
+        raise InputError(f"has no {table}.csv or {table}.parquet", source=folder)
+    return path
+
+
+def _read_scene_file(path: Path) -> _SceneContent:
+    if not path.exists():
+        return _SceneContent()
+    try:
+        content = read_yaml(path)
+        return _SceneContent.model_validate({} if content is None else content)
+    except ValidationError as error:
+        raise InputError(settings_problems(error), source=path) from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read: {error}", source=path) from error
+
+
+def _read_trajectory(path: Path) -> Table:
+    places, heights = place_kinds(path, Kind.NUMBER)
+    if not places:
+        names = ", ".join(map(repr, read_names(path)))
+        problem = f"expected the columns east_m,north_m or lat,lon, got {names[:200]}"
+        raise InputError(problem, source=path)
+    table = read_table(path, {"t_s": Kind.NUMBER, **places}, heights)
+    _plausible.check_seconds(table)
+    _plausible.check_timeline(table)
+    return table
+
+
+def _read_ranges(path: Path, drive: Table, places: Places) -> Table:
+    needed = {"t_s": Kind.NUMBER, "anchor_id": Kind.TEXT, "range_m": Kind.NUMBER}
+    signal = {"rssi_dbm": Kind.OPTIONAL, "rssi_fp_dbm": Kind.OPTIONAL}
+    table = read_table(path, needed, {**signal, **_TRUTH})
+    _plausible.check_seconds(table)
+    _plausible.check_unique_readings(table)
+    _plausible.check_one_drive(table, drive, places.position_m)
+    return table
+
+
+def _notes(scene: Scene, drive: Table, ranges: Table, anchors: Anchors) -> Iterator[str]:
+    """Yield what a user should know about files that were read without an error."""
+    for table in (drive, ranges, anchors.table):
+        if table is not None and table.unknown:
+            yield f"{table.path.name}: columns not used: {', '.join(table.unknown)}"
+    n_late = int((np.diff(ranges["t_s"]) < 0).sum())
+    if n_late:
+        yield f"{ranges.path.name}: {n_late} rows come before their predecessors in time: sorted"
+    n_listed = 0 if anchors.table is None else len(anchors.table)
+    if anchors.table is not None and n_listed < scene.n_anchors:
+        missing = ", ".join(anchors.ids[n_listed:])
+        yield f"{anchors.table.path.name}: lacks {missing}, so that their heights are unknown"
+    n_surveyed = int(np.isfinite(anchors.position_m).all(axis=1).sum())
+    labelled = sorted(_TRUTH.keys() & set(ranges.columns))
+    if 0 < n_surveyed < scene.n_anchors:
+        yield f"only {n_surveyed} of {scene.n_anchors} anchors are surveyed: there is no truth"
+    elif labelled and not n_surveyed:
+        yield f"{ranges.path.name}: {', '.join(labelled)} not used, for no anchor is surveyed"
+
+
+# Writing -----------------------------------------------------------------------------------------
+
+
+def _write_table(columns: Mapping[str, Any], path: Path) -> None:
+    import polars as pl
+
+    frame = pl.DataFrame(columns, nan_to_null=True)
+    if path.suffix == ".csv":
+        frame.write_csv(path)
+    else:
+        frame.write_parquet(path)
+
+
+def _tables(scene: Scene) -> dict[str, dict[str, Any]]:
+    """Return the tables of a scene: name -> column -> values, without columns that it lacks."""
+    import polars as pl
+
+    drive, ranges, truth = scene.trajectory, scene.ranges, scene.truth
+    tables: dict[str, dict[str, Any]] = {
+        "trajectory": {
+            "t_s": drive.t_s,
+            "east_m": drive.position_m[:, 0],
+            "north_m": drive.position_m[:, 1],
+            "up_m": drive.up_m,
+        },
+        "ranges": {
+            "t_s": ranges.t_s,
+            "anchor_id": pl.Series(scene.anchor_ids).gather(ranges.anchor),
+            "range_m": ranges.range_m,
+            "rssi_dbm": ranges.rssi_dbm,
+            "rssi_fp_dbm": ranges.rssi_fp_dbm,
+            "true_range_m": None if truth is None else truth.range_m,
+            "nlos": None if truth is None else truth.nlos,
+            "outlier": None if truth is None else truth.outlier,
+            "true_bias_m": None if truth is None else truth.bias_m,
+        },
+        "anchors": {
+            "anchor_id": scene.anchor_ids,
+            "up_m": scene.anchor_up_m,
+            "east_m": None if truth is None else truth.anchor_m[:, 0],
+            "north_m": None if truth is None else truth.anchor_m[:, 1],
+        },
+    }
+    return {
+        table: {name: values for name, values in columns.items() if values is not None}
+        for table, columns in tables.items()
+    }
+
+
+def _scene_file(scene: Scene) -> str:
+    import yaml
+
+    content: dict[str, Any] = {"name": scene.name}
+    if scene.frame is not None:
+        content["frame"] = asdict(scene.frame)
+    if scene.truth is not None and scene.truth.clock_offset_s is not None:
+        content["clock_offset_s"] = scene.truth.clock_offset_s
+    return yaml.safe_dump(content, sort_keys=False)

@@ -1,0 +1,326 @@
+"""The result in plain words, for the people who put the cones there: ``report.md``.
+
+What was found, how sure that is, what limited it and what to do about it. Every sentence follows
+from the reconstruction; ids and names are shown as text, whatever marks they hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gaia_uwb._shared import Array, Float64, in_markdown, metres, percent
+from gaia_uwb.episode import Episode
+from gaia_uwb.estimate import AnchorFix, AnchorStatus, BoundaryStatus
+from gaia_uwb.evaluate import (
+    SIGMAS_90,
+    Advice,
+    Limit,
+    find_limits,
+    limits_of_reasons,
+    range_residual_m,
+)
+from gaia_uwb.projection import to_geodetic
+from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
+from gaia_uwb.scene import LocalFrame
+
+_STATES = {
+    AnchorStatus.OK: "located",
+    AnchorStatus.AMBIGUOUS: "side not certain",
+    AnchorStatus.ILL_CONDITIONED: "poorly fixed",
+    AnchorStatus.NOT_CONVERGED: "not settled",
+    AnchorStatus.MOVED: "perhaps moved",
+    AnchorStatus.TOO_FEW_RANGES: "not located",
+}
+_SMALL_S, _SMALL_M = 0.0005, 0.005  # what is less is not worth a sentence
+
+
+def people_report(reconstruction: Reconstruction) -> str:
+    """Return a report in Markdown.
+
+    Parameters
+    ----------
+    reconstruction
+        What to report.
+
+    Examples
+    --------
+    >>> from gaia_uwb.pipeline import reconstruct
+    >>> from gaia_uwb.simulate import PRESETS, simulate_pass
+    >>> report = people_report(reconstruct(simulate_pass(PRESETS["lane-closure"], seed=0)))
+    >>> print(report.splitlines()[2])
+    **Reliable.** 8 of 8 cones were located. The work zone covers 1122 m².
+    """
+    limits = _all_limits(reconstruction)
+    blocks = [
+        f"# Work zone: {in_markdown(reconstruction.name)}",
+        *_summary(reconstruction),
+        "## What was found",
+        _bullets(_found(reconstruction)),
+        "## How sure it is",
+        _bullets(_sureness(reconstruction)),
+        "## What limited it",
+        *_limits(limits),
+        "## What would improve it",
+        *_advice(limits),
+        "## The cones",
+        "\n".join(_table(reconstruction)),
+        "The map (`map.html`) shows all of this and the ranges along the drive; `report.json` "
+        "holds the same result for programs.",
+    ]
+    return "\n\n".join(blocks) + "\n"
+
+
+def _bullets(lines: Iterator[str] | Sequence[str]) -> str:
+    return "\n".join(f"- {line}" for line in lines)
+
+
+def _located(reconstruction: Reconstruction) -> list[AnchorFix]:
+    return [anchor for anchor in reconstruction.anchors if anchor.status.has_position]
+
+
+def _summary(reconstruction: Reconstruction) -> Iterator[str]:
+    located, boundary = len(_located(reconstruction)), reconstruction.boundary
+    area = {
+        BoundaryStatus.OK: f"The work zone covers {_square_metres(boundary.area_m2)}.",
+        BoundaryStatus.TOO_FEW_ANCHORS: "That is too few for a boundary.",
+        BoundaryStatus.COLLINEAR: "They stand on one line, so they enclose no area.",
+    }[boundary.status]
+    good = reconstruction.status is ReconstructionStatus.OK
+    verdict = "Reliable." if good else "Check before use."
+    yield f"**{verdict}** {located} of {len(reconstruction.anchors)} cones were located. {area}"
+    # What is wrong with single cones is said here in plainer words, and below with numbers.
+    others = [reason.text for reason in reconstruction.reasons if not reason.kind.is_anchor_status]
+    if reconstruction.reasons:
+        yield "It needs a check because of:"
+        yield _bullets([*map(in_markdown, others), *_doubtful_cones(reconstruction.anchors)])
+
+
+def _doubtful_cones(anchors: Sequence[AnchorFix]) -> Iterator[str]:
+    """Count the cones that are not simply located."""
+    undecided = sum(anchor.side_is_open for anchor in anchors)
+    if undecided:
+        verb = "stands" if undecided == 1 else "stand"
+        yield f"the side of the path on which {_of_all(undecided, anchors)} {verb} is not certain"
+    for status, state in _STATES.items():
+        count = sum(anchor.status is status for anchor in anchors)
+        if count and status not in (AnchorStatus.OK, AnchorStatus.AMBIGUOUS):
+            yield f"{_of_all(count, anchors)}: {state}"
+
+
+def _of_all(count: int, anchors: Sequence[AnchorFix]) -> str:
+    return f"{count} of {len(anchors)} cones"
+
+
+def _all_limits(reconstruction: Reconstruction) -> list[Limit]:
+    """Return what limited the result; what is so in one of several passes only names that pass."""
+    anchors, config = reconstruction.anchors, reconstruction.config
+    found = [
+        (in_markdown(episode.name), limit)
+        for episode, _ in reconstruction.passes
+        for limit in find_limits(episode, anchors, config, name=in_markdown)
+    ]
+    said = [limit for _, limit in found]
+    of_logs = [
+        limit if said.count(limit) == len(reconstruction.passes)
+        else replace(limit, text=f"In {name}: {limit.text}")
+        for k, (name, limit) in enumerate(found)
+        if limit not in said[:k]
+    ]  # fmt: skip
+    return [*limits_of_reasons(reconstruction.reasons, name=in_markdown), *of_logs]
+
+
+def _residual_m(reconstruction: Reconstruction) -> Float64[Array, "T N"]:
+    """Return how far the ranges of all passes are off, without their signs."""
+    residuals = [
+        range_residual_m(episode, reconstruction.anchors) for episode, _ in reconstruction.passes
+    ]
+    return np.asarray(np.abs(np.concatenate(residuals)))
+
+
+def _found(reconstruction: Reconstruction) -> Iterator[str]:
+    boundary = reconstruction.boundary
+    if boundary.status is BoundaryStatus.OK:
+        apart_m = np.hypot(*(boundary.hull_m[:, None] - boundary.hull_m).transpose(2, 0, 1))
+        yield (
+            f"The work zone has {len(boundary.hull_m)} corners and is {metres(apart_m.max())} long "
+            f"at its longest; it covers {_square_metres(boundary.area_m2)}."
+        )
+    lost = [a for a in reconstruction.anchors if not a.status.has_position]
+    if lost:
+        names = ", ".join(in_markdown(anchor.anchor_id) for anchor in lost)
+        yield f"Not located: {names}."
+    used = (
+        f"{sum(anchor.n_ranges for anchor in reconstruction.anchors)} ranges (measured distances) "
+        f"to {len(reconstruction.anchors)} cones were used."
+    )
+    drives = []
+    for episode, _ in reconstruction.passes:
+        length_m = float(np.hypot(*np.diff(episode.position_m, axis=0).T).sum())
+        drives.append(f"took {episode.t_s[-1] - episode.t_s[0]:.1f} s over {metres(length_m)}")
+    if reconstruction.more_passes:
+        named = zip(reconstruction.passes, drives, strict=True)
+        each = "; ".join(f"{in_markdown(e.name)} {drive}" for (e, _), drive in named)
+        yield f"{len(drives)} drives past the zone were put together: {each}. In all, {used}"
+    else:
+        yield f"The drive {drives[0]}; {used}"
+    if reconstruction.episode.frame is None:
+        yield (
+            "The place on Earth is not known to the log: places are metres east and north of its "
+            "own origin."
+        )
+
+
+def _sureness(reconstruction: Reconstruction) -> Iterator[str]:
+    located = _located(reconstruction)
+    known = [anchor for anchor in located if np.isfinite(anchor.semi_axes_90_m[0])]
+    if known:
+        reach_m = [anchor.semi_axes_90_m[0] for anchor in known]
+        worst = known[int(np.argmax(reach_m))]
+        yield (
+            f"With 90 % probability a cone stands within {metres(float(np.median(reach_m)))} of "
+            f"its place (half of the cones closer); for {in_markdown(worst.anchor_id)}, the least "
+            f"certain, it is {metres(max(reach_m))}."
+        )
+    yield from _regions(reconstruction)
+    if located:
+        doubt = max(located, key=lambda anchor: anchor.mirror_probability)
+        yield (
+            "That holds if a cone stands on the side of the path where it was put. The other side "
+            f"has {'' if doubt.mirror_probability < 0.01 else 'at most '}"
+            f"{percent(doubt.mirror_probability)} probability ({in_markdown(doubt.anchor_id)})."
+        )
+    if reconstruction.stated:
+        yield (
+            f"What was said of the zone was taken as given: "
+            f"{'; '.join(map(in_markdown, reconstruction.stated))}. Sides and places rest on that "
+            "as well as on the ranges; if it is wrong, so may they be."
+        )
+    residual_m = _residual_m(reconstruction)
+    misfit_m = residual_m[np.isfinite(residual_m)]
+    if misfit_m.size:
+        half_m, most_m = np.quantile(misfit_m, [0.5, 0.95])
+        yield (
+            f"Half of the ranges fit these places to {metres(half_m)} or better, 95 of 100 to "
+            f"{metres(most_m)} or better."
+        )
+    for episode, _ in reconstruction.passes:
+        where = f"In {in_markdown(episode.name)}: " if reconstruction.more_passes else ""
+        yield from (where + line for line in _corrections(episode))
+    yield (
+        "All this is relative to the positions of the drive. An error of these (base station, "
+        "map datum) moves all cones together and comes on top; size and shape of the zone are "
+        "free of it."
+    )
+
+
+def _regions(reconstruction: Reconstruction) -> Iterator[str]:
+    found = reconstruction.boundary_uncertainty
+    if found is None:
+        return
+    sure, outer = percent(found.probability), _square_metres(found.outer.area_m2)
+    if found.inner.area_m2 > 0.0:
+        inner = (
+            f"With {sure} probability all of a region of {_square_metres(found.inner.area_m2)} is "
+            "work zone"
+        )
+    else:
+        inner = f"No place is work zone with {sure} probability"
+    yield (
+        f"{inner}, and with {sure} probability none of the work zone lies outside a region of "
+        f"{outer}; the map shows both."
+    )
+
+
+def _corrections(episode: Episode) -> Iterator[str]:
+    clock, found = episode.clock, episode.calibration
+    if clock is not None and clock.applied:
+        way = "ahead of" if clock.offset_s > 0 else "behind"
+        yield (
+            f"The time stamps of the ranges were {abs(clock.offset_s):.3f} s {way} those of the "
+            "positions and were corrected, to within "
+            f"{max(SIGMAS_90 * clock.sigma_s, 0.001):.3f} s (90 % probability)."
+        )
+    elif clock is not None and clock.sigma_s > _SMALL_S:
+        yield (
+            "The time stamps of ranges and positions were taken as they are; they may differ by "
+            f"± {max(SIGMAS_90 * clock.sigma_s, 0.001):.3f} s (90 % probability): "
+            f"{in_markdown(clock.reason)}."
+        )
+    bias_m = 0.0 if found is None else float(found.bias[0])
+    if abs(bias_m) > _SMALL_M:
+        way = "long" if bias_m > 0 else "short"
+        yield (
+            f"The ranges read {metres(abs(bias_m))} too {way} at 10 m, as the log itself shows, "
+            "and were corrected."
+        )
+
+
+def _limits(limits: Sequence[Limit]) -> Iterator[str]:
+    if limits:
+        yield _bullets([limit.text for limit in limits])
+        return
+    yield (
+        "No check found a limit. Checked were: clocks, length of the path, sides, geometry, number "
+        "of ranges, gaps, line of sight, range bias, heights."
+    )
+
+
+def _advice(limits: Sequence[Limit]) -> Iterator[str]:
+    wanted = {advice for limit in limits for advice in limit.advice}
+    steps = [advice.value for advice in Advice if advice in wanted]
+    if steps:
+        yield "\n".join(f"{k}. {step}" for k, step in enumerate(steps, start=1))
+    else:
+        yield "Nothing in this log asks for another drive."
+
+
+def _table(reconstruction: Reconstruction) -> Iterator[str]:
+    frame = reconstruction.episode.frame
+    residual_m = _residual_m(reconstruction)
+    names = ["Cone", "State", "East (m)", "North (m)"]
+    names += [] if frame is None else ["Latitude (°)", "Longitude (°)"]
+    names += ["Within, 90 % (m)", "This side", "Ranges", "Usual misfit (m)"]
+    yield _row(names)
+    yield _row(["---", "---", *["---:"] * (len(names) - 2)])
+    for anchor, column_m in zip(reconstruction.anchors, residual_m.T, strict=True):
+        own_m = column_m[np.isfinite(column_m)]
+        located = anchor.status.has_position
+        yield _row([
+            in_markdown(anchor.anchor_id),
+            _STATES[anchor.status],
+            *_place(frame, anchor.position_m),
+            _number(anchor.semi_axes_90_m[0]),
+            percent(1.0 - anchor.mirror_probability) if located else "",
+            str(anchor.n_ranges),
+            _number(float(np.median(own_m)) if own_m.size else np.nan),
+        ])  # fmt: skip
+        if anchor.side_is_open:
+            place = _place(frame, anchor.mirror_position_m)
+            yield _row([in_markdown(anchor.anchor_id), "other possible place", *place, "",
+                        percent(anchor.mirror_probability), "", ""])  # fmt: skip
+
+
+def _place(frame: LocalFrame | None, place_m: Float64[Array, "2"]) -> list[str]:
+    """Return east and north and, with a frame, latitude and longitude; empty where unknown."""
+    cells = [_number(float(value_m)) for value_m in place_m]
+    if frame is None:
+        return cells
+    if not np.isfinite(place_m).all():
+        return [*cells, "", ""]
+    lat_deg, lon_deg, _ = to_geodetic(frame, place_m[None])
+    return [*cells, f"{lat_deg[0]:.7f}", f"{lon_deg[0]:.7f}"]
+
+
+def _row(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _number(value: float) -> str:
+    return f"{value:.2f}" if np.isfinite(value) else ""
+
+
+def _square_metres(area_m2: float) -> str:
+    return f"{area_m2:.{1 if area_m2 < 100 else 0}f} m²"

@@ -1,0 +1,266 @@
+"""Everything that a reconstruction leaves on disk.
+
+===================  ========================================================================
+file                 what it holds
+===================  ========================================================================
+``anchors.csv``      one row per anchor: place, uncertainty, status
+``ranges.parquet``   one row per pass, step and anchor with a range: before and after denoising
+``boundary.geojson`` boundary, cones and ellipses for a GIS (``geojson.py``)
+``boundary.gpkg``    the same as layers of a GeoPackage; only where it is asked for
+``boundary.kml``     the same for a globe; only where it is asked for and the place is known
+``plot.png``         the site from above and the ranges over time (``picture.py``)
+``plot.svg``         the same to scale and to edit; only where it is asked for
+``map.html``         an interactive map that needs no network (``interactive_map.py``)
+``report.md``        the result in plain words: how sure, what limits it (``plain_words.py``)
+``config.yaml``      every setting, read back by ``gaia reconstruct --config``
+``report.json``      the result for programs; written last, so where it is new, all files are
+===================  ========================================================================
+
+The two tables are written from the result itself; all else is made before a file is written.
+In ``ranges.parquet``, ``range_m`` is the measured range on the trajectory's timeline, freed of the
+radios' common bias (``range_calibration`` in the report), and ``denoised_range_m`` with ``sigma_m``
+is what the denoiser made of it; a value that is not usable is null, and ``valid`` is whether the
+denoised one is.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gaia_uwb._shared import OutputFolder, figure_png, figure_svg
+from gaia_uwb.config import dump_config
+from gaia_uwb.episode import Episode, RangeCalibration
+from gaia_uwb.estimate import AnchorFix, Reason
+from gaia_uwb.evaluate import Metric
+from gaia_uwb.outputs.geojson import Json, boundary_geojson, lon_lat
+from gaia_uwb.outputs.geopackage import geopackage
+from gaia_uwb.outputs.interactive_map import map_page
+from gaia_uwb.outputs.kml import kml
+from gaia_uwb.outputs.picture import plot_reconstruction
+from gaia_uwb.outputs.plain_words import people_report
+from gaia_uwb.outputs.tables import other_place, write_anchors, write_ranges
+from gaia_uwb.reconstruction import Reconstruction
+from gaia_uwb.zone import BoundaryUncertainty
+
+if TYPE_CHECKING:
+    pass
+
+SCHEMA = 2
+
+UNCERTAINTY_NOTE = (
+    "covariance_m2 is the covariance of (east, north) of an anchor in the trajectory's own frame, "
+    "given that the side of the path is right (see mirror_probability). An error of that frame "
+    "(GNSS datum, base station, heading of a local frame) moves and turns all anchors together and "
+    "comes on top: in the public outdoor UWB data set the frames of trajectory and survey differ "
+    "by 0.2 to 1.0 degrees and up to 0.2 m. Shape and area of the boundary are free of it."
+)
+
+
+def make_report(
+    reconstruction: Reconstruction, metrics: Mapping[str, Metric] | None = None
+) -> Json:
+    """Return the content of ``report.json``.
+
+    Parameters
+    ----------
+    reconstruction
+        What to report.
+    metrics
+        Scores against a known truth, by name.
+
+    Returns
+    -------
+    dict
+        Strict JSON values only: what is unknown is None, never NaN. ``clock_offset_s`` is the shift
+        that the ranges got, ``clock_offset`` says how it was found; both and ``range_calibration``
+        belong to a pass and are None at the top where several were fused. Lengths are in metres.
+    """
+    episode, boundary = reconstruction.episode, reconstruction.boundary
+    alone = None if reconstruction.more_passes else episode
+    return {
+        "schema": SCHEMA,
+        "version": version("gaia-uwb"),
+        "scene": reconstruction.name,
+        "status": reconstruction.status.value,
+        "reasons": [_reason(reason) for reason in reconstruction.reasons],
+        "stated": list(reconstruction.stated),
+        **_errors(alone),
+        "passes": [
+            {"name": e.name, "n_ranges": int(ranges.valid.sum()), **_errors(e)}
+            for e, ranges in reconstruction.passes
+        ],
+        "anchors": _anchors(reconstruction),
+        "boundary": {
+            "status": boundary.status.value,
+            "area_m2": boundary.area_m2,
+            "hull_m": boundary.hull_m.tolist(),
+            "outline_ids": [episode.anchor_ids[index] for index in boundary.outline_index],
+            "side_unknown_ids": [
+                anchor.anchor_id
+                for anchor in reconstruction.anchors
+                if anchor.side_is_open
+            ],
+            "uncertainty": _uncertainty(reconstruction.boundary_uncertainty),
+        },
+        "frame": None if episode.frame is None else asdict(episode.frame),
+        "uncertainty_note": UNCERTAINTY_NOTE,
+        "config": reconstruction.config.model_dump(mode="json"),
+        "metrics": None if metrics is None else {
+            name: {"value": metric.value, "unit": metric.unit, "n": metric.n}
+            for name, metric in metrics.items()
+        },
+    }  # fmt: skip
+
+
+def write_all(
+    reconstruction: Reconstruction,
+    folder: str | Path,
+    metrics: Mapping[str, Metric] | None = None,
+    *,
+    svg: bool = False,
+    gis: bool = False,
+) -> list[Path]:
+    """Write all result files (see the module's table) and return their paths.
+
+    Parameters
+    ----------
+    reconstruction
+        What to write.
+    folder
+        Made if needed. Files of an earlier run are replaced one by one, each as a whole; its
+        ``report.json`` goes first and the new one comes last, so that where there is a report,
+        all files belong to it.
+    metrics
+        Scores against a known truth, by name.
+    svg
+        Write ``plot.svg`` too, which takes as long as ``plot.png`` does.
+    gis
+        Write ``boundary.gpkg`` and, where the place on Earth is known, ``boundary.kml`` too.
+
+    Raises
+    ------
+    ConfigError
+        If the folder or a file in it cannot be written.
+    """
+    output = OutputFolder(Path(folder))
+    report = make_report(reconstruction, metrics)
+    page = map_page(reconstruction, boundary_geojson(reconstruction, local=True), report)
+    figure = plot_reconstruction(reconstruction)
+    plots = {"plot.png": figure_png(figure)}
+    if svg:
+        plots["plot.svg"] = figure_svg(figure).encode()
+    collection = boundary_geojson(reconstruction)
+    features = json.dumps(collection, ensure_ascii=False, allow_nan=False)
+    optional = {"boundary.gpkg": geopackage(collection)} if gis else {}
+    if gis and reconstruction.episode.frame is not None:
+        optional["boundary.kml"] = kml(collection).encode()
+    settings = f"# gaia-uwb {report['version']}\n{dump_config(reconstruction.config)}"
+    words = people_report(reconstruction)
+    output.remove("report.json")
+    for name in ("plot.svg", "boundary.gpkg", "boundary.kml"):
+        output.remove(name)  # of an earlier run that was asked for it
+    return [
+        output.write("anchors.csv", lambda path: write_anchors(reconstruction, path)),
+        output.write("ranges.parquet", lambda path: write_ranges(reconstruction, path)),
+        output.write_text("boundary.geojson", features),
+        *(output.write_bytes(name, content) for name, content in optional.items()),
+        *(output.write_bytes(name, content) for name, content in plots.items()),
+        output.write_text("map.html", page),
+        output.write_text("config.yaml", settings),
+        output.write_text("report.md", words),
+        output.write_text(
+            "report.json", json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        ),
+    ]
+
+
+def _reason(reason: Reason) -> Json:
+    return {
+        "kind": reason.kind.value,
+        "text": reason.text,
+        "cones": list(reason.cones),
+        "passes": list(reason.passes),
+        "statements": list(reason.statements),
+        "numbers": dict(reason.numbers),
+    }
+
+
+def _uncertainty(found: BoundaryUncertainty | None) -> Json | None:
+    """Return the regions that hold with a probability, and the probability on a grid."""
+    if found is None:
+        return None
+    regions: Json = {
+        name: {
+            "area_m2": region.area_m2,
+            "polygons_m": [[ring.round(4).tolist() for ring in rings] for rings in region.polygons],
+        }
+        for name, region in (("inner", found.inner), ("outer", found.outer))
+    }
+    grid = {
+        "origin_m": found.map.origin_m.tolist(),
+        "cell_m": found.map.cell_m,
+        "probability": found.map.probability.round(3).tolist(),
+    }
+    return {"probability": found.probability, **regions, "map": grid}
+
+
+def _errors(episode: Episode | None) -> Json:
+    """Return what was found of a pass's clock and radios."""
+    clock = None if episode is None else episode.clock
+    return {
+        "clock_offset_s": None if clock is None else clock.applied_s,
+        "clock_offset": None if clock is None else asdict(clock),
+        "range_calibration": None if episode is None else _calibration(episode.calibration),
+    }
+
+
+def _calibration(calibration: RangeCalibration | None) -> Json | None:
+    if calibration is None:
+        return None
+    bias_at_10_m, bias_per_decade = calibration.bias.tolist()
+    return {
+        "bias_at_10_m_m": bias_at_10_m,
+        "bias_per_decade_m": bias_per_decade,
+        "sigma_m": calibration.sigma_m,
+        "correlation_steps": calibration.correlation,
+    }
+
+
+def _anchors(reconstruction: Reconstruction) -> list[Json]:
+    position_m = np.array([anchor.position_m for anchor in reconstruction.anchors])
+    places = lon_lat(reconstruction.episode.frame, position_m).round(9)
+    return [
+        _anchor(anchor, float(lon), float(lat))
+        for anchor, (lon, lat) in zip(reconstruction.anchors, places, strict=True)
+    ]
+
+
+def _anchor(anchor: AnchorFix, lon: float, lat: float) -> Json:
+    covariance_m2, (mirror_m, mirror_m2) = anchor.covariance_m2, other_place(anchor)
+    return {
+        "id": anchor.anchor_id,
+        "east_m": _finite(anchor.position_m[0]),
+        "north_m": _finite(anchor.position_m[1]),
+        "lon": _finite(lon),
+        "lat": _finite(lat),
+        "covariance_m2": covariance_m2.tolist() if np.isfinite(covariance_m2).all() else None,
+        "mirror_probability": anchor.mirror_probability,
+        "side_is_open": anchor.side_is_open,
+        "mirror_east_m": _finite(mirror_m[0]),
+        "mirror_north_m": _finite(mirror_m[1]),
+        "mirror_covariance_m2": mirror_m2.tolist() if np.isfinite(mirror_m2).all() else None,
+        "status": anchor.status.value,
+        "n_ranges": anchor.n_ranges,
+        "range_bias_m": _finite(anchor.range_bias_m),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,12 @@
+from .batch import Chunk as Chunk
+from .batch import at_side as at_side
+from .batch import better_side as better_side
+from .batch import chunks as chunks
+from .batch import correlation_lag as correlation_lag
+from .batch import normal_sums as normal_sums
+from .batch import velocity as velocity
+from .batch import with_prior as with_prior
+from .multilateration import Solutions as Solutions
+from .multilateration import SolverOptions as SolverOptions
+from .multilateration import fisher_share as fisher_share
+from .multilateration import solve as solve

@@ -1,0 +1,182 @@
+"""What was decided about the sides on which the anchors stand, however it was decided.
+
+Two ways lead here: ``sides.py`` decides by the ranges and a layout prior, ``network_sides.py`` by
+what a denoiser says of the whole zone. Both give a :class:`Decision`, made by :func:`make_fix`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gaia_uwb._shared import Array, Float64, Int64
+from gaia_uwb.config import SidesConfig, SolverConfig
+from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason
+from gaia_uwb.locate import Hypotheses
+
+KEPT = 32
+"""Combinations that a decision keeps."""
+_KEPT_EVIDENCE = 0.999  # or as few as hold this share of the evidence
+
+
+@dataclass(frozen=True)
+class Combinations:
+    """Which sides the anchors may stand on, together; the better-founded combinations first.
+
+    Parameters
+    ----------
+    located : (M,)
+        Indices of the anchors that were located.
+    side : (K, M)
+        Which hypothesis each of them takes in each combination.
+    weight : (K,)
+        Probabilities; they sum to 1. At most 32 combinations, or as few as hold 99.9 % of the
+        evidence.
+    joint
+        Whether the layout prior had a say in them.
+    learned
+        Whether they come from a denoiser that locates anchors itself (``network_sides.py``).
+    """
+
+    located: Int64[Array, "M"]
+    side: Int64[Array, "K M"]
+    weight: Float64[Array, "K"]
+    joint: bool
+    learned: bool = False
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What was decided about the anchors' sides.
+
+    Parameters
+    ----------
+    anchors
+        One fix per anchor, in the order of ``anchor_ids``.
+    combinations
+        What else the anchors' sides may be.
+    hypotheses
+        Both places of each anchor, with what was surveyed of them.
+    reasons
+        What the ranges say against what was known beforehand.
+    """
+
+    anchors: tuple[AnchorFix, ...]
+    combinations: Combinations
+    hypotheses: Hypotheses
+    reasons: tuple[Reason, ...] = ()
+
+
+def kept_combinations(
+    side: Int64[Array, "K M"],
+    weight: Float64[Array, "K"],
+    located: Int64[Array, "M"],
+    *,
+    joint: bool,
+) -> Combinations:
+    """Keep the combinations that matter, the likeliest first.
+
+    Parameters
+    ----------
+    side : (K, M)
+        Combinations of sides.
+    weight : (K,)
+        Above 0, on any scale.
+    located : (M,)
+        Indices of the anchors.
+    joint
+        Like :class:`Combinations`.
+    """
+    order = np.argsort(-weight, kind="stable")
+    share = np.cumsum(weight[order]) / weight.sum()
+    order = order[: min(KEPT, int(np.searchsorted(share, _KEPT_EVIDENCE)) + 1)]
+    return Combinations(located, side[order], weight[order] / weight[order].sum(), joint)
+
+
+@dataclass(frozen=True)
+class ChosenPlace:
+    """The place that was chosen for an anchor, and its mirror image.
+
+    Parameters
+    ----------
+    position_m : (2,)
+        East and north, in metres.
+    covariance_m2 : (2, 2)
+        Of that place, given that the side is right, in square metres.
+    mirror_position_m : (2,)
+        The other place.
+    mirror_covariance_m2 : (2, 2)
+        Of the other place, given that the anchor stands there.
+    mirror_probability
+        Of the anchor's standing at the other place.
+    range_bias_m
+        Own bias of the anchor's ranges, in metres; NaN where none was estimated.
+    converged
+        Whether the search for the place did.
+    """
+
+    position_m: Float64[Array, "2"]
+    covariance_m2: Float64[Array, "2 2"]
+    mirror_position_m: Float64[Array, "2"]
+    mirror_covariance_m2: Float64[Array, "2 2"]
+    mirror_probability: float
+    range_bias_m: float = np.nan
+    converged: bool = True
+
+
+def make_fix(
+    anchor_id: str,
+    place: ChosenPlace | None,
+    n_ranges: int,
+    config: SidesConfig,
+    solver: SolverConfig,
+) -> AnchorFix:
+    """Put one anchor's result together and say how far it can be trusted.
+
+    Parameters
+    ----------
+    anchor_id
+        Name of the anchor.
+    place
+        Where it was found to stand; None if its ranges are too few.
+    n_ranges
+        Number of usable ranges.
+    config
+        ``ambiguous_above``.
+    solver
+        ``ill_conditioned_above_m``.
+    """
+    if place is None:
+        return AnchorFix(
+            anchor_id=anchor_id,
+            position_m=np.full(2, np.nan),
+            covariance_m2=np.full((2, 2), np.nan),
+            mirror_position_m=np.full(2, np.nan),
+            mirror_probability=0.0,
+            status=AnchorStatus.TOO_FEW_RANGES,
+            n_ranges=n_ranges,
+        )
+    return AnchorFix(
+        anchor_id=anchor_id,
+        position_m=place.position_m,
+        covariance_m2=place.covariance_m2,
+        mirror_position_m=place.mirror_position_m,
+        mirror_probability=place.mirror_probability,
+        status=_status_of(place, config, solver),
+        n_ranges=n_ranges,
+        range_bias_m=place.range_bias_m,
+        mirror_covariance_m2=place.mirror_covariance_m2,
+        side_is_open=place.mirror_probability > config.ambiguous_above,
+    )
+
+
+def _status_of(place: ChosenPlace, config: SidesConfig, solver: SolverConfig) -> AnchorStatus:
+    """Return the worst that can be said of a place."""
+    if np.linalg.eigvalsh(place.covariance_m2)[1] > solver.ill_conditioned_above_m**2:
+        return AnchorStatus.ILL_CONDITIONED
+    if not place.converged:
+        return AnchorStatus.NOT_CONVERGED
+    if place.mirror_probability > config.ambiguous_above:
+        return AnchorStatus.AMBIGUOUS
+    return AnchorStatus.OK

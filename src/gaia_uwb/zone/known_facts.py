@@ -1,0 +1,335 @@
+"""What a user knows of a zone beforehand, and whether the ranges bear it out.
+
+Four things can be said (:class:`gaia_uwb.config.PriorConfig`): the side on which the cones stand,
+the kind of closure, the spacing of neighbouring cones, and surveyed places of some cones. Each
+becomes a log likelihood ratio of every combination of sides, which ``sides.py`` adds to the ranges'
+evidence; a surveyed place is also taken into the cone's own place, and a spacing into its
+neighbours'.
+
+Nothing is taken for certain: with the small probability ``statement_error`` a statement says
+nothing at all, and where it holds it may be wrong of single cones or pairs. So a wrong statement
+costs a bounded amount of evidence, and good ranges outvote it. Whether it holds is told by the
+evidence with it over that without it (Bayes factor): below 1/20, it is reported as contradicted.
+
+The side is that of the nearest stretch of path, in the direction of travel. A kind of closure says
+only that all cones stand on one side, whichever; of a median crossover it says nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gaia_uwb._shared import Array, ConfigError, Float64, Int64
+from gaia_uwb.config import KnownAnchor, PriorConfig
+from gaia_uwb.episode import Episode
+from gaia_uwb.estimate import Reason, ReasonKind
+from gaia_uwb.locate import Hypotheses
+from gaia_uwb.projection import to_local
+from gaia_uwb.scene import LocalFrame
+from gaia_uwb.zone.path_sides import PathSides
+from gaia_uwb.zone.statement import Statement, said_words
+
+_ANYWHERE_M2 = np.pi * 100.0**2  # where a cone may be whose surveyed place is wrong
+_CONSISTENT = 13.8  # squared distance in standard deviations: 99.9 % of two coordinates are nearer
+_NEIGHBOUR_SIGMA = 3.0
+_CLEARLY_NOT = 0.05
+_ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class KnownFacts:
+    """What was said of one zone, beside the path of the drive.
+
+    Parameters
+    ----------
+    prior
+        What was said.
+    path_m : (T, 2)
+        The path, in the direction of travel, in metres.
+    surveyed
+        Surveyed places by the anchors' index: place (2,) and standard deviation, in metres.
+    anchor_ids
+        The anchors' names.
+    """
+
+    prior: PriorConfig
+    path_m: Float64[Array, "T 2"]
+    surveyed: Mapping[int, tuple[Float64[Array, "2"], float]]
+    anchor_ids: tuple[str, ...]
+
+    @classmethod
+    def of(cls, prior: PriorConfig, episode: Episode) -> KnownFacts | None:
+        """Return what is known, or None where nothing was said.
+
+        Parameters
+        ----------
+        prior
+            What was said.
+        episode
+            Path, anchors and frame.
+
+        Raises
+        ------
+        ConfigError
+            If there is no such anchor, or a place on Earth is given and the log has none.
+        """
+        if prior.says_nothing:
+            return None
+        surveyed = {}
+        for known in prior.known_anchors:
+            if known.anchor_id not in episode.anchor_ids:
+                ids = ", ".join(episode.anchor_ids[:8])
+                raise ConfigError(f"known anchor {known.anchor_id!r}: the log has {ids}")
+            place_m = _surveyed_place(known, episode.frame)
+            surveyed[episode.anchor_ids.index(known.anchor_id)] = (place_m, known.sigma_m)
+        return cls(prior, episode.position_m, surveyed, episode.anchor_ids)
+
+    @property
+    def _path(self) -> PathSides:
+        return PathSides(self.path_m)
+
+    def statements(
+        self, hypotheses: Hypotheses, located: Int64[Array, "M"], side: Int64[Array, "K M"]
+    ) -> list[Statement]:
+        """Return what each statement says of combinations of sides.
+
+        Parameters
+        ----------
+        hypotheses
+            Both places of each anchor, from its ranges alone.
+        located : (M,)
+            Indices of the anchors.
+        side : (K, M)
+            Which hypothesis each takes in each combination.
+        """
+        prior, found = self.prior, []
+        if prior.side is not None or prior.closure is not None:
+            covariance_m2 = (hypotheses.covariance_m2 * hypotheses.factor()[:, None])[located]
+            left = self._path.left_probability(hypotheses.position_m[located], covariance_m2)
+            left = left[np.arange(len(located)), side]
+        words = said_words(prior)
+        if prior.side is not None:
+            said = self._one_side(left if prior.side == "left" else 1.0 - left)
+            found.append(self._statement(words["side"], "side", said))
+        if "closure" in words:
+            both = np.logaddexp(self._one_side(left), self._one_side(1.0 - left)) - np.log(2.0)
+            found.append(self._statement(words["closure"], "closure", both))
+        if prior.spacing_m is not None:
+            spaced = self._spaced(hypotheses, located, side)
+            found.append(self._statement(words["spacing_m"], "spacing_m", spaced))
+        for index, (survey_m, sigma_m) in self.surveyed.items():
+            if index in located:
+                column = int(np.flatnonzero(located == index)[0])
+                distance2, log_det = _misfit(hypotheses, index, survey_m, sigma_m)
+                log_density = -0.5 * (distance2 + log_det) - np.log(2.0 * np.pi)
+                ratio = (log_density + np.log(_ANYWHERE_M2))[side[:, column]]
+                setting = f"known_anchors.{self.anchor_ids[index]}"
+                found.append(self._statement(words[setting], setting, ratio))
+        return found
+
+    def borne_out(
+        self,
+        hypotheses: Hypotheses,
+        located: Int64[Array, "M"],
+        side: Int64[Array, "K M"],
+        weight: Float64[Array, "K"],
+    ) -> tuple[KnownFacts | None, tuple[Reason, ...]]:
+        """Return the facts that the ranges do not speak against, and what they say of the others.
+
+        Parameters
+        ----------
+        hypotheses, located, side
+            As in :meth:`statements`.
+        weight : (K,)
+            The combinations' probabilities without the facts.
+        """
+        said = self.statements(hypotheses, located, side)
+        against = [statement.contradiction(weight) for statement in said]
+        holds = self.only([reason is None for reason in against], said)
+        return holds, tuple(reason for reason in against if reason is not None)
+
+    def only(self, holds: Sequence[bool], said: Sequence[Statement]) -> KnownFacts | None:
+        """Return the facts without the statements that do not hold; None if none does.
+
+        Parameters
+        ----------
+        holds
+            Whether each of the statements does.
+        said
+            The statements.
+        """
+        dropped = {s.setting for s, right in zip(said, holds, strict=True) if not right}
+        if len(dropped) == len(said):
+            return None
+        changes = {setting: None for setting in dropped if setting in type(self.prior).model_fields}
+        surveyed = {
+            k: place
+            for k, place in self.surveyed.items()
+            if f"known_anchors.{self.anchor_ids[k]}" not in dropped
+        }
+        return replace(self, prior=self.prior.model_copy(update=changes), surveyed=surveyed)
+
+    def exceptions(
+        self,
+        place_m: Float64[Array, "M 2"],
+        covariance_m2: Float64[Array, "M 2 2"],
+        ids: Sequence[str],
+        reasons: Sequence[Reason],
+    ) -> tuple[Reason, ...]:
+        """Name the cones that clearly stand on the other side than was said, if there are any.
+
+        Parameters
+        ----------
+        place_m, covariance_m2 : (M, 2), (M, 2, 2)
+            Where the cones were found to stand, in metres, and how sure that is.
+        ids
+            Their names.
+        reasons
+            What was already said against a statement: one that is not used has no exceptions.
+        """
+        side = self.prior.side
+        if side is None or any("side" in reason.statements for reason in reasons):
+            return ()
+        left = self._path.left_probability(place_m[:, None], covariance_m2[:, None])[:, 0]
+        holds = left if side == "left" else 1.0 - left
+        wrong = [name for name, share in zip(ids, holds, strict=True) if share < _CLEARLY_NOT]
+        if not wrong:
+            return ()
+        other = "right" if side == "left" else "left"
+        more = f" and {len(wrong) - 5} more" if len(wrong) > 5 else ""
+        names = f"{', '.join(wrong[:5])}{more}"
+        text = f"the ranges put {names} on the {other}; all cones were said to be on the {side}"
+        return (Reason(ReasonKind.EXCEPTION, text, cones=tuple(wrong), statements=("side",)),)
+
+    def _statement(self, words: str, setting: str, log_ratio: Float64[Array, "K"]) -> Statement:
+        error = self.prior.statement_error
+        return Statement(words, setting, np.logaddexp(np.log(error), np.log1p(-error) + log_ratio))
+
+    def _one_side(self, holds: Float64[Array, "K M"]) -> Float64[Array, "K"]:
+        """Return the log ratio of a side that holds of each cone but for single mistakes.
+
+        ``holds`` is the probability that the cone stands there, given its place's error.
+        """
+        error = self.prior.statement_error
+        each = np.log((1.0 - error) * holds + error * (1.0 - holds)) + np.log(2.0)
+        return np.asarray(each.sum(axis=1))
+
+    def _spaced(
+        self, hypotheses: Hypotheses, located: Int64[Array, "M"], side: Int64[Array, "K M"]
+    ) -> Float64[Array, "K"]:
+        """Return the log ratio of the distances between neighbours."""
+        spacing_m, error = self.prior.spacing_m, self.prior.statement_error
+        if spacing_m is None or side.shape[1] < 2:
+            return np.zeros(len(side))
+        order = self._path.order(hypotheses.position_m[located], side)
+        chosen = np.take_along_axis(side, order, axis=1)
+        place_m = hypotheses.position_m[located[order], chosen]
+        covariance_m2 = (hypotheses.covariance_m2 * hypotheses.factor()[:, None])[
+            located[order], chosen
+        ]
+        distance_m, unit = _distances(place_m)
+        both = covariance_m2[:, 1:] + covariance_m2[:, :-1]
+        variance_m2 = np.einsum("kpi,kpij,kpj->kp", unit, both, unit)
+        variance_m2 = variance_m2 + self.prior.spacing_sigma_m**2
+        density = np.exp(-0.5 * (distance_m - spacing_m) ** 2 / variance_m2)
+        density /= np.sqrt(2.0 * np.pi * variance_m2)
+        elsewhere = 1.0 / (5.0 * spacing_m)
+        return np.asarray(np.log((1.0 - error) * density / elsewhere + error).sum(axis=1))
+
+    def with_surveys(self, hypotheses: Hypotheses) -> Hypotheses:
+        """Take surveyed places into the hypotheses that they agree with.
+
+        Parameters
+        ----------
+        hypotheses
+            Both places of each anchor, from its ranges alone.
+        """
+        if not self.surveyed:
+            return hypotheses
+        position_m = hypotheses.position_m.copy()
+        factor = hypotheses.factor()
+        covariance_m2 = hypotheses.covariance_m2.copy()
+        for index, (survey_m, sigma_m) in self.surveyed.items():
+            distance2, _ = _misfit(hypotheses, index, survey_m, sigma_m)
+            for side in np.flatnonzero(distance2 < _CONSISTENT):
+                own = covariance_m2[index, side] * factor[index]
+                gain = own @ np.linalg.inv(own + sigma_m**2 * np.eye(2))
+                position_m[index, side] += gain @ (survey_m - position_m[index, side])
+                covariance_m2[index, side] = (own - gain @ own) / factor[index]
+        return replace(hypotheses, position_m=position_m, covariance_m2=covariance_m2)
+
+    def with_spacing(
+        self, place_m: Float64[Array, "M 2"], own_m2: Float64[Array, "M 2 2"]
+    ) -> tuple[Float64[Array, "M 2"], Float64[Array, "M 2 2"]]:
+        """Pull neighbours to their known distance, where they are not clearly off it.
+
+        Parameters
+        ----------
+        place_m, own_m2 : (M, 2), (M, 2, 2)
+            Places, and the part of their covariances that is each anchor's own.
+        """
+        spacing_m = self.prior.spacing_m
+        if spacing_m is None or len(place_m) < 2:
+            return place_m, own_m2
+        side = np.zeros((1, len(place_m)), dtype=np.int64)
+        order = self._path.order(np.repeat(place_m[:, None], 2, axis=1), side)[0]
+        first, second = order[:-1], order[1:]
+        m = len(place_m)
+        prior = np.zeros((2 * m, 2 * m))
+        for k in range(m):
+            prior[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = own_m2[k]
+        mean, now = place_m.ravel(), place_m.ravel()
+        covariance = prior
+        for _ in range(_ROUNDS):
+            places = now.reshape(-1, 2)
+            apart = places[second] - places[first]
+            distance_m = np.maximum(np.hypot(apart[:, 0], apart[:, 1]), 1e-9)
+            unit = apart / distance_m[:, None]
+            rows = np.arange(m - 1)
+            slope = np.zeros((m - 1, 2 * m))
+            for axis in (0, 1):
+                slope[rows, 2 * second + axis] = unit[:, axis]
+                slope[rows, 2 * first + axis] = -unit[:, axis]
+            spread = slope @ prior @ slope.T + self.prior.spacing_sigma_m**2 * np.eye(m - 1)
+            off_m = spacing_m - distance_m - slope @ (mean - now)
+            near = np.abs(off_m) < _NEIGHBOUR_SIGMA * np.sqrt(np.diag(spread))
+            slope, off_m, spread = slope[near], off_m[near], spread[np.ix_(near, near)]
+            gain = prior @ slope.T @ np.linalg.inv(spread)
+            now = mean + gain @ off_m
+            covariance = prior - gain @ slope @ prior
+        blocks = covariance.reshape(m, 2, m, 2)[np.arange(m), :, np.arange(m)]
+        return now.reshape(-1, 2), np.asarray(0.5 * (blocks + np.swapaxes(blocks, 1, 2)))
+
+
+def _surveyed_place(known: KnownAnchor, frame: LocalFrame | None) -> Float64[Array, "2"]:
+    if known.east_m is not None and known.north_m is not None:
+        return np.array([known.east_m, known.north_m])
+    if frame is None:
+        raise ConfigError(
+            f"known anchor {known.anchor_id!r}: the log has no place on Earth, give east and north"
+        )
+    place_m, _ = to_local(frame, np.array([known.lat_deg]), np.array([known.lon_deg]))
+    return np.asarray(place_m[0])
+
+
+def _misfit(
+    hypotheses: Hypotheses, index: int, survey_m: Float64[Array, "2"], sigma_m: float
+) -> tuple[Float64[Array, "2"], Float64[Array, "2"]]:
+    """Return how far a survey is from both places, squared and scaled, and log determinants."""
+    covariance_m2 = hypotheses.covariance_m2[index] * hypotheses.factor()[index]
+    covariance_m2 = np.nan_to_num(covariance_m2, nan=0.0, posinf=1e12) + sigma_m**2 * np.eye(2)
+    off_m = survey_m - hypotheses.position_m[index]
+    scaled = np.linalg.solve(covariance_m2, off_m[..., None])[..., 0]
+    return (off_m * scaled).sum(axis=1), np.linalg.slogdet(covariance_m2)[1]
+
+
+def _distances(
+    place_m: Float64[Array, "K M 2"],
+) -> tuple[Float64[Array, "K P"], Float64[Array, "K P 2"]]:
+    """Return distances and directions from each place to the next."""
+    apart = np.diff(place_m, axis=1)
+    distance_m = np.maximum(np.hypot(apart[..., 0], apart[..., 1]), 1e-9)
+    return distance_m, apart / distance_m[..., None]

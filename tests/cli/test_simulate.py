@@ -1,0 +1,87 @@
+"""``gaia simulate``: logs, tables of episodes and presets, as a user makes them."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from gaia_uwb.logs.episodes import read_episodes
+from gaia_uwb.logs.native import write_native
+from gaia_uwb.simulate import PRESETS, simulate_episode, simulate_pass
+from gaia_uwb.simulate.presets import load_preset
+
+
+def test_simulate_and_read_back(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    code, out, _ = run("simulate", "--episodes", 2, "--seed", 5, "--out", tmp_path / "passes")
+    assert code == 0
+    assert "2 passes" in out
+    assert sorted(p.name for p in (tmp_path / "passes").iterdir()) == [
+        "pass-0",
+        "pass-1",
+        "simulation.yaml",
+    ]
+    code, out, _ = run("data", "check", tmp_path / "passes" / "pass-1")
+    assert code == 0
+    assert "cone" in out
+
+
+def test_simulate_episodes_of_a_part(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    out = tmp_path / "episodes"
+    arguments = ("simulate", "--preset", "stress", "--episodes", 3, "--as", "episodes")
+    code, _, err = run(*arguments, "--split", "test", "--out", out)
+    assert (code, err) == (0, "")
+    assert sorted(p.name for p in out.iterdir()) == ["episodes-000000.parquet", "simulation.yaml"]
+    config = load_preset(out / "simulation.yaml")
+    assert config.split == "test"
+    for k, episode in enumerate(read_episodes(out)):
+        expected = simulate_episode(config, 0, episode=k)
+        assert episode.name == expected.name
+        assert (episode.range_m == expected.range_m).all()
+    assert k == 2
+    code, _, err = run(*arguments, "--out", out)
+    assert code == 2
+    assert "already, and not of this command" in err
+
+
+def test_episodes_of_a_killed_run_are_gone_on_with(  # type: ignore[no-untyped-def]
+    run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gaia_uwb.logs.episodes._EPISODES_IN_A_PART", 3)
+    arguments = ("simulate", "--preset", "stress", "--episodes", 8, "--as", "episodes", "--out")
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    assert run(*arguments, whole)[0] == 0
+    killed.mkdir()
+    for name in ("simulation.yaml", "episodes-000000.parquet"):
+        shutil.copy(whole / name, killed)
+    kept = (killed / "episodes-000000.parquet").stat().st_mtime_ns
+    code, text, _ = run(*arguments, killed)
+    assert code == 0
+    assert "wrote 8 passes" in text
+    assert "3 of them were there" in text
+    assert (killed / "episodes-000000.parquet").stat().st_mtime_ns == kept
+    contents = [
+        {path.name: path.read_bytes() for path in folder.iterdir()} for folder in (whole, killed)
+    ]
+    assert len(contents[0]) == 4
+    assert contents[0] == contents[1]
+
+
+def test_errors_of_logs_become_a_preset(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    code, out, err = run("simulate", "--calibrate-from", "sim", "--out", tmp_path / "fit")
+    assert (code, err) == (0, "")
+    preset = tmp_path / "fit" / "calibrated.yaml"
+    assert str(preset) in out
+    assert [path.name for path in (tmp_path / "fit").iterdir()] == ["calibrated.yaml"]
+    code, _, err = run("simulate", "--preset", preset, "--out", tmp_path / "pass")
+    assert (code, err) == (0, "")
+
+
+def test_errors_need_a_survey(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    log = simulate_pass(PRESETS["lane-closure"], seed=0).without_truth()
+    write_native(log, tmp_path / "log", file_format="csv")
+    code, _, err = run("simulate", "--calibrate-from", tmp_path / "log", "--out", tmp_path)
+    assert code == 2
+    assert "expected surveyed anchors" in err
+    assert err.count("\n") == 1

@@ -1,0 +1,258 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gaia_uwb._shared.errors import InputError
+from gaia_uwb.evaluate.log_check import CheckReport, check_scene
+from gaia_uwb.evaluate.outdoor_check import check_outdoor_static
+from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory, Truth
+from gaia_uwb.simulate import PRESETS, simulate_pass
+
+
+def make_scene(**changes: object) -> Scene:
+    """Return a round drive past three anchors that answer 10 times a second, all in order."""
+    t_s = np.arange(0.0, 60.0, 0.125)
+    angle_rad = t_s / 60 * 2 * np.pi
+    position_m = 20 * np.column_stack([np.cos(angle_rad), np.sin(angle_rad)])
+    anchor_m = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 3.0]])
+    range_t_s = np.repeat(np.arange(0.05, 59.5, 0.1), 3)
+    anchor = np.tile(np.arange(3), len(range_t_s) // 3)
+    at_m = np.stack([np.interp(range_t_s, t_s, axis) for axis in position_m.T], axis=1)
+    range_m = np.linalg.norm(at_m - anchor_m[anchor], axis=1)
+    # The range to the circle's centre does not change; a little noise keeps it from repeating.
+    range_m += np.random.default_rng(0).normal(0, 0.01, len(range_m))
+    scene = Scene(
+        name="round",
+        trajectory=Trajectory(t_s, position_m, np.ones(len(t_s))),
+        ranges=RangeLog(range_t_s, anchor, range_m, rssi_dbm=np.full(len(range_m), -80.0)),
+        anchor_ids=("a", "b", "c"),
+        anchor_up_m=np.ones(3),
+        frame=LocalFrame(48.0, 11.0),
+        truth=Truth(anchor_m),
+    )
+    return replace(scene, **changes)  # type: ignore[arg-type]
+
+
+def with_ranges(scene: Scene, index: slice | list[int], value: float) -> Scene:
+    """Return the scene with readings of anchor a replaced."""
+    range_m = scene.ranges.range_m.copy()
+    range_m[np.flatnonzero(scene.ranges.anchor == 0)[index]] = value
+    return replace(scene, ranges=replace(scene.ranges, range_m=range_m))
+
+
+def test_a_good_log() -> None:
+    report = check_scene(make_scene())
+    assert report.problems == report.notes == ()
+    assert report.drive is not None
+    assert report.drive.rate_hz == pytest.approx(8.0)
+    assert report.drive.path_length_m == pytest.approx(2 * np.pi * 20 * 59.875 / 60, rel=1e-3)
+    assert report.drive.straightness == pytest.approx(1.0, abs=0.01)
+    for anchor in report.anchors:
+        assert (anchor.n_readings, anchor.n_usable, anchor.n_gaps) == (595, 595, 0)
+        assert (anchor.usable_share, anchor.rssi_share) == (1.0, 1.0)
+        assert anchor.rate_hz == pytest.approx(10.0)
+    assert report.lines()[-1] == "  no problems found"
+
+
+def test_counts_what_is_unusable() -> None:
+    scene = with_ranges(make_scene(), [100, 101], 3.5)  # a burst of two, the second a repeat
+    scene = with_ranges(scene, [200], -2.0)
+    a = check_scene(scene).anchors[0]
+    assert a.spike_share == pytest.approx(2 / 595)
+    assert a.negative_share == pytest.approx(1 / 595)
+    assert a.repeat_share == pytest.approx(1 / 595)
+    assert a.n_usable == 592
+    assert check_scene(scene).anchors[1].n_usable == 595
+
+
+def test_counts_gaps_and_readings_outside_the_drive() -> None:
+    log = make_scene().ranges
+    keep = ~((log.anchor == 0) & (log.t_s > 10.0) & (log.t_s < 15.0))
+    ranges = RangeLog(log.t_s[keep] - 10.0, log.anchor[keep], log.range_m[keep])
+    report = check_scene(make_scene(ranges=ranges, truth=None))
+    a = report.anchors[0]
+    assert (a.n_gaps, a.rssi_share) == (1, 0.0)
+    assert a.longest_gap_s == pytest.approx(5.1)
+    assert a.outside_share == pytest.approx(100 / 545)
+    assert "300 of 1735 readings lie outside the trajectory's time" in report.notes
+
+
+def test_a_slow_radio_has_no_gap_at_every_step() -> None:
+    log = make_scene().ranges
+    slow = (np.arange(len(log)) // 3) % 6 == 0  # every 0.6 s
+    keep = slow & ~((log.anchor == 0) & (log.t_s > 10.0) & (log.t_s < 15.0))
+    ranges = RangeLog(log.t_s[keep], log.anchor[keep], log.range_m[keep])
+    a, b, _ = check_scene(make_scene(ranges=ranges, truth=None)).anchors
+    assert (a.n_gaps, b.n_gaps) == (1, 0)
+
+
+def test_a_parked_vehicle() -> None:
+    t_s = np.arange(0.0, 60.0, 0.125)
+    parked = Trajectory(t_s, np.random.default_rng(0).normal(0, 0.02, (len(t_s), 2)))
+    (problem,) = check_scene(make_scene(trajectory=parked)).problems
+    assert problem.startswith("the vehicle is parked: its whole path fits into 0.1")
+    still = Trajectory(t_s, np.zeros((len(t_s), 2)))
+    assert "0.00 m" in check_scene(make_scene(trajectory=still)).problems[0]
+
+
+def test_a_straight_path() -> None:
+    t_s = np.arange(0.0, 60.0, 0.125)
+    straight = Trajectory(t_s, np.column_stack([10 * t_s, 3 * t_s]))
+    report = check_scene(make_scene(trajectory=straight))
+    assert "the path is straight" in report.problems[0]
+    assert report.drive is not None
+    assert report.drive.straightness == pytest.approx(0.0, abs=1e-9)
+
+
+def thinned(scene: Scene, every: int) -> Scene:
+    """Return a scene with every so many readings of each anchor."""
+    anchor = scene.ranges.anchor
+    rank = np.zeros(len(anchor), dtype=np.int64)
+    for n in range(scene.n_anchors):
+        rank[anchor == n] = np.arange((anchor == n).sum())
+    keep = rank % every == 0
+    log = scene.ranges
+    ranges = RangeLog(log.t_s[keep], anchor[keep], log.range_m[keep])
+    return replace(scene, ranges=ranges, truth=None)
+
+
+@pytest.mark.parametrize("place", [0, 1, 2, -1, -2, -3])
+def test_a_spike_at_an_end_is_found_and_no_neighbour_blamed(place: int) -> None:
+    scene = make_scene()
+    mine = np.flatnonzero(scene.ranges.anchor == 0)
+    range_m = scene.ranges.range_m.copy()
+    range_m[mine[place]] += 50.0
+    check = check_scene(replace(scene, ranges=replace(scene.ranges, range_m=range_m))).anchors[0]
+    assert check.spike_share == pytest.approx(1 / 595)
+
+
+@pytest.mark.parametrize("every", [1, 5])
+@pytest.mark.parametrize("speed_mps", [1.5, 6.0, 25.0])
+def test_speed_makes_no_spikes_and_hides_none(speed_mps: float, every: int) -> None:
+    preset = PRESETS["lane-closure"]
+    clean = {"burst_per_s": 0.0, "held_share": 0.0, "nlos_bias_m": 0.0}
+    drive = {"speed_mps": speed_mps, "duration_s": max(30.0, 200.0 / speed_mps)}
+    config = preset.model_copy(
+        update={
+            "ranging": preset.ranging.model_copy(update=clean),
+            "drive": preset.drive.model_copy(update=drive),
+        }
+    )
+    scene = thinned(simulate_pass(config, seed=0), every)
+    shares = [anchor.spike_share for anchor in check_scene(scene).anchors]
+    assert max(shares) < 0.01
+    mine = np.flatnonzero(scene.ranges.anchor == 0)
+    if len(mine) < 20:  # so few do not tell which of them is wrong
+        return
+    range_m = scene.ranges.range_m.copy()
+    range_m[mine[len(mine) // 2]] += 8.0
+    spoilt = replace(scene, ranges=replace(scene.ranges, range_m=range_m))
+    found = check_scene(spoilt).anchors[0].spike_share
+    assert found == pytest.approx(shares[0] + 1 / len(mine))
+
+
+def test_anchors_that_cannot_be_located() -> None:
+    log = make_scene().ranges
+    keep = (log.anchor != 0) | (log.t_s < 0.4)
+    scene = make_scene(
+        ranges=RangeLog(log.t_s[keep], log.anchor[keep], log.range_m[keep]),
+        anchor_ids=("a", "b", "c", "silent"),
+        anchor_up_m=None,
+        truth=None,
+    )
+    scene = with_ranges(scene, [1], -1.0)
+    assert check_scene(scene).problems == (
+        "anchor a has 3 usable readings of 4: it cannot be located",
+        "anchor silent has 0 usable readings of 0: it cannot be located",
+    )
+    problems = check_scene(with_ranges(make_scene(), slice(0, 400), -1.0)).problems
+    assert problems == ("only 33% of the readings of anchor a are usable",)
+
+
+def test_too_few_anchors() -> None:
+    log = make_scene().ranges
+    mine = log.anchor == 0
+    ranges = RangeLog(log.t_s[mine], log.anchor[mine], log.range_m[mine])
+    scene = make_scene(ranges=ranges, anchor_ids=("a",), anchor_up_m=None, truth=None)
+    assert check_scene(scene).problems == ("a boundary needs 3 anchors, this log has 1",)
+
+
+def test_notes_what_is_unknown() -> None:
+    keep = np.r_[0:100, 200:480]
+    drive = make_scene().trajectory
+    gappy = Trajectory(drive.t_s[keep], drive.position_m[keep])
+    scene = make_scene(trajectory=gappy, frame=None, truth=None)
+    assert check_scene(scene, ("ranges.csv: sorted",)).notes == (
+        "ranges.csv: sorted",
+        "the trajectory has a gap of 12.6 s",
+        "not all heights are known: ranges count as horizontal where one is missing",
+        "the place on Earth is unknown: results are in local metres, and there can be no feed",
+        "no surveyed anchors: nothing to score against",
+    )
+
+
+def test_lines_are_text_for_people() -> None:
+    scene = with_ranges(make_scene(frame=None), [100], -8.0)
+    assert check_scene(scene).lines() == [
+        "round",
+        "  path: 480 samples in 59.9 s (8.0 Hz), 125.4 m long within 56.6 m",
+        "  anchor        readings     Hz   gaps  longest   usable  outside  negative   spikes  "
+        "repeats   RSSI",
+        "  a                  595   10.0      0    0.1 s    99.8%     0.0%     0.17%    0.00%     "
+        "0.0%   100%",
+        "  b                  595   10.0      0    0.1 s   100.0%     0.0%     0.00%    0.00%     "
+        "0.0%   100%",
+        "  c                  595   10.0      0    0.1 s   100.0%     0.0%     0.00%    0.00%     "
+        "0.0%   100%",
+        "  clock offset: none taken out, may be +- 0.500 s: this drive cannot tell it (too "
+        "straight and too steady)",
+        "  heard: at least one anchor in 100% of the seconds, at least three in 100%",
+        "  anchor         nearest   view     DOP   side of the path",
+        "  a               20.0 m   356°     0.5   told",
+        "  b               17.0 m   356°     0.5   told",
+        "  c               17.0 m   356°     0.5   told",
+        "  DOP: metres that a place errs per metre of range error that lasts; 2 is good, above 5 "
+        "poor",
+        "  note: the place on Earth is unknown: results are in local metres, and there can be no "
+        "feed",
+        "  no problems found",
+    ]
+
+
+def test_a_name_of_two_lines_takes_one() -> None:
+    report = check_scene(replace(make_scene(), name="a\nb", anchor_ids=("c\nd", "e", "f")))
+    assert report.lines()[0] == "a\\nb"
+    assert any("c\\nd" in line for line in report.lines())
+    assert not any("\n" in line for line in report.lines())
+
+
+def test_a_log_that_cannot_be_read() -> None:
+    error = InputError("is empty", source="x/ranges.csv")
+    report = CheckReport.of_failure("x", error)
+    assert not report.readable
+    assert report.lines() == ["x", "  PROBLEM: x/ranges.csv: is empty"]
+
+
+def test_static_files(tmp_path: Path) -> None:
+    header = (
+        "timestamp,Distance,RSSI(dBm),RSSI_fp(dBm),maxNoise,Standard Noise,FirstPathAmp1,"
+        "FirstPathAmp2,FirstPathAmp3,Max Growth CIR,Rx Preamble Count,rtd_init,rtd_resp,"
+        "poll_tx_ts,poll_rx_ts,resp_tx_ts,resp_rx_ts"
+    )
+    row = ",".join(["1"] * 17)
+    folder = tmp_path / "Static_measurements/NLOS/height_50.0cm"
+    folder.mkdir(parents=True)
+    for distance, rows in ((2, [row] * 60), (4, [row, "x" + row]), (6, [])):
+        (folder / f"{distance}m.csv").write_text("\n".join([header, *rows]))
+    assert check_outdoor_static(tmp_path).notes == (
+        "3 files with 61 readings",
+        "1 files have no readings: NLOS/height_50.0cm/6m.csv",
+        "1 files have fewer than 50: NLOS/height_50.0cm/4m.csv",
+        "1 files have garbled rows: NLOS/height_50.0cm/4m.csv",
+    )
+    with pytest.raises(InputError, match="has no Static_measurements"):
+        check_outdoor_static(tmp_path / "Static_measurements")

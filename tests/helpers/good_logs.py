@@ -1,0 +1,155 @@
+"""Small good logs of every kind that GAIA reads, one writer per reader."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import yaml
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode
+
+from bags import FORMATS, write_drive
+
+LEC = "{t:.2f} DIST,2,AN0,022E,7.94,8.03,0.00,{a:.2f},AN1,0C1D,1.00,0.00,0.00,{b:.2f}\n"
+LES = "{t:.2f} 022E[7.94,8.03,0.00]={a:.2f} 0C1D[1.00,0.00,0.00]={b:.2f} le_us=2576\n"
+
+
+def gga(t: int) -> str:
+    body = f"GNGGA,1200{t:02d}.00,3733.3{t:02d},N,12702.7,E,4,12,0.7,48.5,M,20.5,M,,"
+    checksum = 0
+    for character in body:
+        checksum ^= ord(character)
+    return f"${body}*{checksum:02X}\n"
+
+
+def write_serial(folder: Path) -> Path:
+    """Write DWM1001 logs of both kinds, an NMEA log and their description."""
+    (folder / "drive.nmea").write_text("".join(map(gga, range(40))), encoding="utf-8")
+    for name, line in (("lec.log", LEC), ("les.log", LES)):
+        shift = 0.0 if name == "lec.log" else 0.25
+        lines = "".join(line.format(t=43200 + t / 2 + shift, a=5 + t, b=9 + t) for t in range(80))
+        (folder / name).write_text(lines, encoding="utf-8")
+    description = {
+        "trajectory": {"file": "drive.nmea", "format": "nmea"},
+        "ranges": [{"file": f"{kind}.log", "format": "dwm1001"} for kind in ("lec", "les")],
+    }
+    (folder / "gaia.yaml").write_text(yaml.safe_dump(description), encoding="utf-8")
+    return folder
+
+
+def write_tables(folder: Path, suffix: str = ".csv") -> Path:
+    """Write mapped tables and their description."""
+    t = np.arange(40.0)
+    drive = pl.DataFrame({"t": t, "x": t * 3, "y": t * t / 9})
+    n = np.arange(80)
+    ranges = pl.DataFrame(
+        {
+            "t": n / 2,
+            "id": [f"c{k % 3}" for k in n],
+            "mm": 5000.0 + n,
+            "p": np.where(n % 2 == 0, -80.0, np.nan),
+        }
+    )
+    for name, table in (("drive", drive), ("uwb", ranges)):
+        path = folder / (name + suffix)
+        table.write_csv(path) if suffix == ".csv" else table.write_parquet(path)
+    millimetres = {"column": "mm", "scale": 0.001}
+    description = {
+        "trajectory": {
+            "file": f"drive{suffix}",
+            "format": "csv",
+            "columns": {"t_s": "t", "east_m": "x", "north_m": "y"},
+        },
+        "ranges": [
+            {
+                "file": f"uwb{suffix}",
+                "format": "csv",
+                "columns": {"t_s": "t", "anchor_id": "id", "range_m": millimetres, "rssi_dbm": "p"},
+            }
+        ],
+        "lever_arm": {"forward_m": 1.0},
+    }
+    (folder / "gaia.yaml").write_text(yaml.safe_dump(description), encoding="utf-8")
+    return folder
+
+
+def write_own(folder: Path, suffix: str = ".csv") -> Path:
+    """Write a log in GAIA's own format, with everything that it may hold."""
+    t = np.arange(40.0)
+    n = np.arange(90)
+    tables = {
+        "trajectory": {"t_s": t, "lat": 37 + t * 1e-5, "lon": 127 + t * t * 1e-7, "alt_m": t + 50},
+        "ranges": {
+            "t_s": n / 3 + n % 3 * 0.01,
+            "anchor_id": [f"c{k % 3}" for k in n],
+            "range_m": 12.0 + n % 7,
+            "rssi_dbm": np.where(n % 2 == 0, -80.0, np.nan),
+            "nlos": n % 2 == 0,
+            "true_range_m": 12.0 + n % 7,
+        },
+        "anchors": {
+            "anchor_id": ["c0", "c1", "c2"],
+            "up_m": [0.5, 0.6, 0.7],
+            "east_m": [1.0, 2.0, 3.0],
+            "north_m": [4.0, 5.0, 7.0],
+        },
+    }  # fmt: skip
+    for name, columns in tables.items():
+        table = pl.DataFrame(columns, nan_to_null=True)
+        path = folder / (name + suffix)
+        table.write_csv(path) if suffix == ".csv" else table.write_parquet(path)
+    scene = {
+        "name": "pass",
+        "frame": {"lat_deg": 37.0, "lon_deg": 127.0, "alt_m": 49.5},
+        "clock_offset_s": 0.1,
+    }
+    (folder / "scene.yaml").write_text(yaml.safe_dump(scene), encoding="utf-8")
+    return folder
+
+
+def write_described_bag(folder: Path) -> Path:
+    """Write a ROS 2 log and a description that says where its messages keep what."""
+    log = write_drive(folder, "mcap")
+    log.rename(folder / "log.mcap")
+    log.parent.joinpath("metadata.yaml").unlink()
+    log.parent.rmdir()
+    place = {"file": "log.mcap", "format": "ros"}
+    fields = {"anchor": "anchor_id", "range": "range", "rssi": "rssi", "stamp": "header.stamp"}
+    description = {
+        "name": "pass",
+        "frame": {"lat_deg": 37.0, "lon_deg": 127.0},
+        "trajectory": {**place, "topic": "/fix", "clock": "header"},
+        "ranges": [{**place, "topic": "/uwb", "clock": "header", "fields": fields}],
+        "lever_arm": {"forward_m": 1.0, "left_m": 0.2},
+    }
+    (folder / "gaia.yaml").write_text(yaml.safe_dump(description), encoding="utf-8")
+    return folder
+
+
+def _ros(kind: str, packed: tuple[Any, ...] = ()) -> Callable[[Path], Path]:
+    return lambda folder: write_drive(folder, kind, packed)
+
+
+_CHUNKS, _MESSAGES = (
+    (mode, CompressionFormat.ZSTD) for mode in (CompressionMode.STORAGE, CompressionMode.MESSAGE)
+)
+
+LOGS: dict[str, Callable[[Path], Path]] = {
+    **{kind: _ros(kind) for kind in FORMATS},
+    "bag-bz2": _ros("bag", (Writer1.CompressionFormat.BZ2,)),
+    "bag-lz4": _ros("bag", (Writer1.CompressionFormat.LZ4,)),
+    "mcap-zstd": _ros("mcap", _CHUNKS),
+    "folder-mcap-zstd": _ros("folder-mcap", _MESSAGES),
+    "folder-sqlite3-zstd": _ros("folder-sqlite3", _MESSAGES),
+    "serial": write_serial,
+    "tables": write_tables,
+    "tables-parquet": lambda folder: write_tables(folder, ".parquet"),
+    "own": write_own,
+    "own-parquet": lambda folder: write_own(folder, ".parquet"),
+    "ros-described": write_described_bag,
+}
+"""Kind -> function that writes a good log into a folder and returns what names it as a source."""

@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from bags import FORMATS, write_drive
+from gaia_uwb._shared.errors import ConfigError, InputError
+from gaia_uwb.api import load_scenes
+from gaia_uwb.evaluate.source_check import check_source
+from gaia_uwb.logs.described import is_described, read_described
+
+CSV = {
+    "trajectory": {
+        "file": "drive.csv",
+        "format": "csv",
+        "columns": {"t_s": "t", "east_m": "x", "north_m": "y"},
+    },
+    "ranges": [
+        {"file": "a.csv", "format": "csv", "columns": {"t_s": "t", "anchors": {"A": "d"}}},
+        {"file": "b.csv", "format": "csv", "columns": {"t_s": "t", "anchors": {"B": "d"}}},
+    ],
+}
+
+
+def write(folder: Path, description: object = CSV) -> Path:
+    """Write a log of three files with its description."""
+    folder.mkdir(exist_ok=True)
+    (folder / "drive.csv").write_text("t,x,y\n0,0,0\n1,5,0\n2,10,0\n", encoding="utf-8")
+    (folder / "a.csv").write_text("t,d\n0.5,7\n1.5,8\n", encoding="utf-8")
+    (folder / "b.csv").write_text("t,d\n1.0,9\n0.0,3\n1.0,9\n", encoding="utf-8")
+    (folder / "gaia.yaml").write_text(yaml.safe_dump(description), encoding="utf-8")
+    return folder
+
+
+def test_several_logs_of_one_drive(tmp_path: Path) -> None:
+    scene, notes = read_described(write(tmp_path / "pass"))
+    assert scene.name == "pass"
+    assert scene.anchor_ids == ("A", "B")
+    assert scene.ranges.t_s.tolist() == [0.0, 0.5, 1.0, 1.5]
+    assert scene.ranges.anchor.tolist() == [1, 0, 1, 0]
+    assert notes == (
+        "b.csv: 1 rows come before their predecessors: sorted",
+        "b.csv: 1 rows repeat an anchor at one time: left out",
+    )
+
+
+def test_lever_arm_anchors_and_name(tmp_path: Path) -> None:
+    more = {"name": "x", "anchors": "anchors.csv", "lever_arm": {"forward_m": 2.0, "left_m": -1.0}}
+    folder = write(tmp_path / "pass", {**CSV, **more})
+    (folder / "anchors.csv").write_text("anchor_id,up_m\nA,1.5\n", encoding="utf-8")
+    scene, _ = read_described(folder)
+    assert scene.name == "x"
+    np.testing.assert_allclose(scene.trajectory.position_m, [[2, -1], [7, -1], [12, -1]])
+    assert scene.anchor_up_m is not None
+    assert scene.anchor_up_m[0] == 1.5
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"rangs": []}, "gaia.yaml: rangs: unknown key"),
+        ({"ranges": []}, "gaia.yaml: ranges: list should have at least 1 item"),
+        ({"ranges": [{"file": "a.csv", "format": "xml"}]}, "gaia.yaml: ranges.0: input tag 'xml'"),
+        ({"lever_arm": {"forward_m": "far"}}, "gaia.yaml: lever_arm.forward_m: "),
+    ],
+)
+def test_a_wrong_description_names_the_key(
+    tmp_path: Path, change: dict[str, object], message: str
+) -> None:
+    folder = write(tmp_path / "pass", {**CSV, **change})
+    with pytest.raises(ConfigError) as caught:
+        read_described(folder)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_wrong_files(tmp_path: Path) -> None:
+    folder = write(tmp_path / "pass")
+    (folder / "gaia.yaml").write_text("a: [", encoding="utf-8")
+    with pytest.raises(InputError, match=r"gaia\.yaml: cannot be read"):
+        read_described(folder)
+    (folder / "gaia.yaml").write_text("name: a\nname: b", encoding="utf-8")
+    with pytest.raises(InputError, match=r"gaia\.yaml: .*line 2: the key 'name' is here twice"):
+        read_described(folder)
+    write(folder, {**CSV, "anchors": "none.csv"})
+    with pytest.raises(InputError, match=r"none\.csv: no such file"):
+        read_described(folder)
+    write(folder)
+    (folder / "a.csv").write_text("t,d\n100,7\n", encoding="utf-8")
+    (folder / "b.csv").unlink()
+    with pytest.raises(InputError, match=r"b\.csv: cannot be read: No such file"):
+        read_described(folder)
+
+
+def test_sources_take_them_all(tmp_path: Path) -> None:
+    for kind in FORMATS[:2]:
+        (tmp_path / kind).mkdir()
+    bag, mcap = (write_drive(tmp_path / kind, kind) for kind in FORMATS[:2])
+    bag.rename(tmp_path / "1.bag")
+    mcap.rename(tmp_path / "2.mcap")
+    write(tmp_path / "3")
+    assert [s.name for s in load_scenes(str(tmp_path))] == ["1", "2", "3"]
+    assert load_scenes(str(tmp_path / "2.mcap"))[0].n_anchors == 3
+    (tmp_path / "4.bag").write_bytes(b"#ROSBAG V2.0\n")
+    reports = check_source(str(tmp_path))
+    assert [report.readable for report in reports] == [True, True, True, False]
+    assert reports[3].problems == (f"{tmp_path / '4.bag'}: holds no topics",)
+    assert not is_described(tmp_path)

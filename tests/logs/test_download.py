@@ -1,0 +1,222 @@
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import pooch
+import pytest
+
+from gaia_uwb._shared.errors import DownloadError, SourceError
+from gaia_uwb.logs import download as module
+from gaia_uwb.logs.download import data_folder, dataset_folder, fetch, read_manifest
+
+FILES = {f"Case_{k}/A {k}.csv": f"t,range\n{k},5\n".encode() for k in range(20)}
+
+
+class QuietHandler(SimpleHTTPRequestHandler):
+    def log_message(self, *args: object) -> None:
+        """Say nothing."""
+
+
+@pytest.fixture
+def mirror(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A small data set in a folder, and a manifest that promises it."""
+    folder = tmp_path / "mirror"
+    for name, content in FILES.items():
+        (folder / name).parent.mkdir(parents=True)
+        (folder / name).write_bytes(content)
+    hashes = {name: hashlib.sha256(content).hexdigest() for name, content in FILES.items()}
+    manifest = {"base_url": "http://127.0.0.1:9/nobody-listens", "files": hashes}
+    monkeypatch.setattr(module, "read_manifest", lambda name: manifest)
+    return folder
+
+
+@pytest.fixture
+def server(mirror: Path) -> Iterator[str]:
+    """The address of a web server that serves the mirror."""
+    handler = partial(QuietHandler, directory=str(mirror))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as httpd:
+        thread = threading.Thread(target=httpd.serve_forever, daemon=True)
+        thread.start()
+        yield f"http://127.0.0.1:{httpd.server_port}"
+        httpd.shutdown()
+        thread.join()
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def test_fetches_from_a_server(server: str, tmp_path: Path) -> None:
+    steps: list[tuple[int, int]] = []
+    folder = fetch(
+        "outdoor-uwb",
+        tmp_path / "data",
+        base_url=server + "/",
+        progress=lambda done, total: steps.append((done, total)),
+    )
+    assert folder == tmp_path / "data" / "outdoor-uwb"
+    assert contents(folder) == FILES
+    assert steps == [(k, 20) for k in range(21)]
+
+
+@pytest.mark.parametrize("as_url", [True, False])
+def test_fetches_from_a_folder(mirror: Path, tmp_path: Path, as_url: bool) -> None:
+    base_url = mirror.as_uri() if as_url else str(mirror)
+    assert contents(fetch("outdoor-uwb", tmp_path / "data", base_url=base_url)) == FILES
+
+
+def test_goes_on_where_it_was_interrupted(
+    mirror: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    transfer = module._transfer
+
+    def count(base: str, path: str, partial: Path) -> None:
+        asked.append(path)
+        if len(asked) == 8:
+            partial.write_bytes(b"half a fi")
+            raise KeyboardInterrupt
+        transfer(base, path, partial)
+
+    monkeypatch.setattr(module, "_transfer", count)
+    folder = tmp_path / "data" / "outdoor-uwb"
+    with pytest.raises(KeyboardInterrupt):
+        fetch("outdoor-uwb", tmp_path / "data", base_url=str(mirror))
+    arrived = contents(folder)
+    assert 0 < len(arrived) < 20
+    assert all(FILES[name] == content for name, content in arrived.items())
+    # One that was damaged meanwhile is fetched again; the others that are there are not.
+    damaged = next(iter(arrived))
+    (folder / damaged).write_bytes(b"damaged")
+    asked[:] = [""] * 100
+    fetch("outdoor-uwb", tmp_path / "data", base_url=str(mirror))
+    assert sorted(asked[100:]) == sorted([*(FILES.keys() - arrived.keys()), damaged])
+    assert contents(folder) == FILES
+
+
+FETCH = """
+import sys, time
+from pathlib import Path
+from gaia_uwb.logs import download as module
+
+def wait(base, path, partial):
+    partial.write_bytes(b"half a fi")
+    print("half", flush=True)
+    time.sleep(60)
+
+module.read_manifest = lambda name: {"base_url": "", "files": {"Case_3/A 3.csv": "0" * 64}}
+module._transfer = wait
+module.fetch("outdoor-uwb", Path(sys.argv[1]))
+"""
+
+
+def test_the_next_fetch_removes_what_a_killed_one_left(mirror: Path, tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    case = data / "outdoor-uwb" / "Case_3"
+    case.mkdir(parents=True)
+    mine = {case / name for name in (".A 3.csv", ".A 3.csv.swp", "notes.txt")}
+    for path in mine:
+        path.touch()
+    runs = [
+        subprocess.Popen([sys.executable, "-c", FETCH, str(data)], stdout=subprocess.PIPE)
+        for _ in range(2)
+    ]
+    for run in runs:
+        assert run.stdout is not None
+        assert run.stdout.readline() == b"half\n"
+    killed, alive = runs
+    killed.kill()
+    killed.wait()
+    assert len(set(case.iterdir()) - mine) == 2
+    fetch("outdoor-uwb", data, base_url=str(mirror))
+    (other,) = set(case.iterdir()) - mine - {case / "A 3.csv"}
+    assert f"-{alive.pid}-" in other.name
+    alive.kill()
+    alive.wait()
+    fetch("outdoor-uwb", data)  # also where nothing is missing
+    assert set(case.iterdir()) == {*mine, case / "A 3.csv"}
+    for run in runs:
+        assert run.stdout is not None
+        run.stdout.close()
+
+
+def test_needs_no_mirror_when_all_is_there(mirror: Path, tmp_path: Path) -> None:
+    fetch("outdoor-uwb", tmp_path, base_url=str(mirror))
+    assert fetch("outdoor-uwb", tmp_path) == tmp_path / "outdoor-uwb"
+
+
+def test_refuses_a_file_that_is_not_the_promised_one(
+    server: str, mirror: Path, tmp_path: Path
+) -> None:
+    (mirror / "Case_3/A 3.csv").write_bytes(b"<html>moved</html>")
+    got = hashlib.sha256(b"<html>moved</html>").hexdigest()
+    wanted = hashlib.sha256(FILES["Case_3/A 3.csv"]).hexdigest()
+    with pytest.raises(DownloadError, match=f"A 3.csv: expected SHA-256 {wanted}, got {got}"):
+        fetch("outdoor-uwb", tmp_path / "data", base_url=server)
+    arrived = contents(tmp_path / "data" / "outdoor-uwb")
+    assert all(FILES[name] == content for name, content in arrived.items())
+    assert "Case_3/A 3.csv" not in arrived
+
+
+def test_a_file_that_is_not_there(server: str, mirror: Path, tmp_path: Path) -> None:
+    (mirror / "Case_3/A 3.csv").unlink()
+    for base_url in (server, str(mirror)):
+        with pytest.raises(DownloadError, match=r"A 3\.csv: cannot be fetched from .*"):
+            fetch("outdoor-uwb", tmp_path / "data", base_url=base_url)
+
+
+def test_nobody_listens(mirror: Path, tmp_path: Path) -> None:
+    with pytest.raises(DownloadError, match="nobody-listens"):
+        fetch("outdoor-uwb", tmp_path / "data")
+
+
+def test_a_folder_that_cannot_be_made(mirror: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(DownloadError, match="Not a directory"):
+        fetch("outdoor-uwb", tmp_path / "file", base_url=str(mirror))
+
+
+def test_unknown_data_set(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match="unknown data set 'indoor'; there are outdoor-uwb"):
+        fetch("indoor", tmp_path)
+
+
+def test_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GAIA_DATA_DIR", str(tmp_path))
+    assert data_folder(Path("named")) == Path("named")
+    assert data_folder() == tmp_path
+    monkeypatch.delenv("GAIA_DATA_DIR")
+    assert data_folder() == Path(pooch.os_cache("gaia-uwb"))
+
+
+def test_dataset_folder(tmp_path: Path) -> None:
+    with pytest.raises(SourceError) as caught:
+        dataset_folder("outdoor-uwb", tmp_path)
+    assert f"outdoor-uwb is not in {tmp_path}; fetch it with 'gaia data fetch" in str(caught.value)
+    (tmp_path / "outdoor-uwb").mkdir()
+    assert dataset_folder("outdoor-uwb", tmp_path) == tmp_path / "outdoor-uwb"
+
+
+def test_manifest_names_the_commit_and_all_runs() -> None:
+    manifest = read_manifest("outdoor-uwb")
+    assert manifest["base_url"].endswith(manifest["commit"])
+    assert all(len(sha256) == 64 for sha256 in manifest["files"].values())
+    assert sum(path.endswith("trajectory.csv") for path in manifest["files"]) == 8
+    assert sum(path.startswith("Static") for path in manifest["files"]) == 767
+
+
+@pytest.mark.real_data
+def test_the_real_data_are_the_promised_ones(outdoor_dir: Path, tmp_path: Path) -> None:
+    folder = fetch("outdoor-uwb", tmp_path, base_url=str(outdoor_dir / "outdoor-uwb"))
+    assert len(contents(folder)) == len(read_manifest("outdoor-uwb")["files"])

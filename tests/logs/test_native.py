@@ -1,0 +1,381 @@
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gaia_uwb._shared.errors import GaiaError, InputError, SourceError
+from gaia_uwb.logs.native import is_native, read_native, read_with_notes, write_native
+from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory, Truth
+
+# A folder per example is made inside one folder per test.
+ONE_FOLDER = settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+def assert_equal(a: object, b: object) -> None:
+    """Compare dataclasses with arrays, NaN equal to NaN, to the last bit."""
+    assert type(a) is type(b)
+    for field in dataclasses.fields(a):  # type: ignore[arg-type]
+        x, y = getattr(a, field.name), getattr(b, field.name)
+        if dataclasses.is_dataclass(x):
+            assert_equal(x, y)
+        elif isinstance(x, np.ndarray):
+            assert isinstance(y, np.ndarray), field.name
+            np.testing.assert_array_equal(x, y, err_msg=field.name)
+        else:
+            assert x == y, field.name
+
+
+TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
+# Frozen data classes are built inside the tests: beartype draws random samples of what it checks,
+# which hypothesis forbids inside a strategy.
+RECIPES = st.fixed_dictionaries(
+    {
+        "seed": st.integers(0, 2**32 - 1),
+        "name": TEXTS,
+        "ids": st.lists(TEXTS.map(str.strip).filter(bool), min_size=1, max_size=4, unique=True),
+        "range_m": st.lists(st.floats(-500.0, 500.0), min_size=1, max_size=12),
+        "start_s": st.sampled_from([0.0, -3.5, 1.7e9]),
+        "frame": st.none()
+        | st.tuples(st.floats(-90, 90), st.floats(-180, 180), st.floats(-1e5, 1e5)),
+        "has": st.sets(
+            st.sampled_from(
+                [
+                    "up",
+                    "heights",
+                    "rssi",
+                    "rssi_fp",
+                    "truth",
+                    "nlos",
+                    "ranges",
+                    "clock",
+                    "outlier",
+                    "bias",
+                ]
+            )
+        ),
+    }
+)
+
+
+def make_scene(recipe: dict[str, Any]) -> Scene:
+    """Return any scene that is one drive: finite, in seconds and metres, with clocks that meet."""
+    rng = np.random.default_rng(recipe["seed"])
+    has, ids = recipe["has"], tuple(recipe["ids"])
+    t_s = recipe["start_s"] + np.cumsum(rng.uniform(0.05, 2.0, rng.integers(2, 7)))
+    n, n_anchors = len(recipe["range_m"]), len(ids)
+    rssi_dbm = np.where(rng.random(n) < 0.3, np.nan, rng.uniform(-100, -60, n))
+    truth = Truth(
+        anchor_m=rng.normal(0, 30, (n_anchors, 2)),
+        nlos=rng.random(n) < 0.5 if "nlos" in has else None,
+        range_m=rng.uniform(0, 60, n) if "ranges" in has else None,
+        clock_offset_s=float(rng.normal()) if "clock" in has else None,
+        outlier=rng.random(n) < 0.1 if "outlier" in has else None,
+        bias_m=rng.normal(0, 1, n) if "bias" in has else None,
+    )
+    heights_m = np.where(rng.random(n_anchors) < 0.3, np.nan, rng.uniform(0, 3, n_anchors))
+    return Scene(
+        name=recipe["name"],
+        trajectory=Trajectory(
+            t_s=t_s,
+            position_m=rng.normal(0, 50, (len(t_s), 2)),
+            up_m=rng.normal(1, 0.1, len(t_s)) if "up" in has else None,
+        ),
+        ranges=RangeLog(
+            t_s=np.sort(np.append(rng.uniform(t_s[0] - 1, t_s[-1] + 1, n - 1), t_s[0])),
+            anchor=rng.integers(0, n_anchors, n),
+            range_m=np.array(recipe["range_m"]),
+            rssi_dbm=rssi_dbm if "rssi" in has else None,
+            rssi_fp_dbm=rssi_dbm - 2 if "rssi_fp" in has else None,
+        ),
+        anchor_ids=ids,
+        anchor_up_m=heights_m if "heights" in has else None,
+        frame=recipe["frame"] and LocalFrame(*recipe["frame"]),
+        truth=truth if "truth" in has else None,
+    )
+
+
+@pytest.mark.parametrize("file_format", ["csv", "parquet"])
+@ONE_FOLDER
+@given(recipe=RECIPES)
+def test_gives_back_what_was_written(
+    tmp_path: Path, file_format: Literal["csv", "parquet"], recipe: dict[str, Any]
+) -> None:
+    scene, folder = make_scene(recipe), tmp_path / "scene"
+    write_native(scene, folder, file_format)
+    assert_equal(read_native(folder), scene)
+    assert [path.name for path in tmp_path.iterdir()] == ["scene"]
+
+
+DRIVE = "t_s,east_m,north_m\n0,0,0\n1,10,1\n2,20,0\n"
+RANGES = "t_s,anchor_id,range_m\n0,a,5\n0.5,b,6.5\n1,a,7\n"
+GEO = "t_s,lat,lon\n0,48.1,11.5\n1,48.1001,11.5\n"
+
+
+def make_folder(tmp_path: Path, **files: str) -> Path:
+    """Write a small good scene with some files replaced; the key's last _ stands for a dot."""
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    contents = {"trajectory_csv": DRIVE, "ranges_csv": RANGES, **files}
+    for name, content in contents.items():
+        (folder / ".".join(name.rsplit("_", 1))).write_text(content, encoding="utf-8")
+    return folder
+
+
+def test_reads_the_smallest_scene(tmp_path: Path) -> None:
+    folder = make_folder(tmp_path)
+    scene, notes = read_with_notes(folder)
+    assert is_native(folder)
+    assert (scene.name, scene.anchor_ids, notes) == ("drive", ("a", "b"), ())
+    assert scene.frame is scene.truth is scene.anchor_up_m is scene.trajectory.up_m is None
+    np.testing.assert_array_equal(scene.ranges.anchor, [0, 1, 0])
+    np.testing.assert_array_equal(scene.trajectory.position_m, [[0, 0], [10, 1], [20, 0]])
+
+
+def test_ids_sort_as_people_sort_them(tmp_path: Path) -> None:
+    rows = "".join(f"0,{name},5\n" for name in ("12", "cone-10", "3", "cone-9", "cone-09", "B"))
+    scene = read_native(make_folder(tmp_path, ranges_csv="t_s,anchor_id,range_m\n" + rows))
+    assert scene.anchor_ids == ("3", "12", "B", "cone-09", "cone-9", "cone-10")
+    assert len(scene.ranges) == 6
+
+
+def test_ranges_out_of_order_are_sorted_and_told(tmp_path: Path) -> None:
+    ranges = "t_s,anchor_id,range_m,nlos,note\n1,b,7,1,x\n0,a,5,0,y\n"
+    anchors = "anchor_id,east_m,north_m\na,1,2\nb,3,4\n"
+    folder = make_folder(tmp_path, ranges_csv=ranges, anchors_csv=anchors)
+    scene, notes = read_with_notes(folder)
+    np.testing.assert_array_equal(scene.ranges.t_s, [0, 1])
+    np.testing.assert_array_equal(scene.ranges.range_m, [5, 7])
+    assert scene.truth is not None
+    assert scene.truth.nlos is not None
+    assert scene.truth.nlos.tolist() == [False, True]
+    assert notes == (
+        "ranges.csv: columns not used: note",
+        "ranges.csv: 1 rows come before their predecessors in time: sorted",
+    )
+
+
+def test_anchors_table_gives_order_heights_and_survey(tmp_path: Path) -> None:
+    anchors = "anchor_id,up_m,east_m,north_m\nspare,,1,2\nb,0.7,3,4\n"
+    scene, notes = read_with_notes(make_folder(tmp_path, anchors_csv=anchors))
+    assert scene.anchor_ids == ("spare", "b", "a")
+    np.testing.assert_array_equal(scene.anchor_up_m, [np.nan, 0.7, np.nan])  # type: ignore[arg-type]
+    assert scene.truth is None
+    assert notes == (
+        "anchors.csv: lacks a, so that their heights are unknown",
+        "only 2 of 3 anchors are surveyed: there is no truth",
+    )
+
+
+def test_truth_without_a_survey_is_told(tmp_path: Path) -> None:
+    ranges = "t_s,anchor_id,range_m,true_range_m\n0,a,5,4.9\n"
+    scene, notes = read_with_notes(make_folder(tmp_path, ranges_csv=ranges))
+    assert scene.truth is None
+    assert notes == ("ranges.csv: true_range_m not used, for no anchor is surveyed",)
+
+
+def test_latitude_and_longitude(tmp_path: Path) -> None:
+    """One arc second of latitude is 30.9 m; heights are relative to the first sample."""
+    drive = "t_s,lat,lon,alt_m\n0,48.1,11.5,500\n1,48.10027777777778,11.5,503\n"
+    anchors = "anchor_id,lat,lon,alt_m\na,48.1,11.5001,501.5\nb,48.1,11.5002,\n"
+    folder = make_folder(tmp_path, trajectory_csv=drive, anchors_csv=anchors)
+    scene = read_native(folder)
+    assert scene.frame == LocalFrame(48.1, 11.5, 500.0)
+    np.testing.assert_allclose(scene.trajectory.position_m, [[0, 0], [0, 30.89]], atol=0.01)
+    np.testing.assert_allclose(scene.trajectory.up_m, [0, 3], atol=1e-3)  # type: ignore[arg-type]
+    np.testing.assert_allclose(scene.anchor_up_m, [1.5, np.nan], atol=1e-4)  # type: ignore[arg-type]
+    assert scene.truth is not None
+    np.testing.assert_allclose(scene.truth.anchor_m, [[7.45, 0], [14.89, 0]], atol=0.01)
+
+
+def test_a_frame_moves_the_origin(tmp_path: Path) -> None:
+    folder = make_folder(
+        tmp_path,
+        trajectory_csv=GEO,
+        scene_yaml="name: A9 km 512\nframe: {lat_deg: 48.1001, lon_deg: 11.5, alt_m: 20}\n",
+    )
+    scene = read_native(folder)
+    assert scene.name == "A9 km 512"
+    assert scene.frame == LocalFrame(48.1001, 11.5, 20.0)
+    assert scene.trajectory.up_m is None
+    np.testing.assert_allclose(scene.trajectory.position_m, [[0, -11.12], [0, 0]], atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        ({"trajectory_csv": ""}, "trajectory.csv: is empty"),
+        ({"trajectory_csv": "t_s,x\n0,1\n"}, "expected the columns east_m,north_m or lat,lon, got"),
+        ({"trajectory_csv": "t_s,east_m,north\n0,1,2\n"}, "column north_m: missing; found"),
+        ({"trajectory_csv": "t_s,east_m,north_m,lat,lon\n0,1,2,3,4\n"}, "keep one pair"),
+        ({"trajectory_csv": "t_s,east_m,north_m\n0,1,2\n"}, "expected at least 2 samples, got 1"),
+        (
+            {"trajectory_csv": "t_s,east_m,north_m\n0,1,2\n1,2,2\n\n1,3,2\n"},
+            "trajectory.csv, row 5, column t_s: expected increasing time, got 1.000000 s after",
+        ),
+        (
+            {"trajectory_csv": "t_s,east_m,north_m\n0,1,2\n125,2,2\n250,3,2\n"},
+            "column t_s: expected seconds, got a step of 125: is it in milliseconds?",
+        ),
+        (
+            {"trajectory_csv": "t_s,east_m,north_m\n1730017526478717088,1,2\n"},
+            "row 2, column t_s: expected seconds, got 1.73002e+18, which looks like nanoseconds",
+        ),
+        ({"ranges_csv": RANGES + "1.7e12,a,3\n"}, "row 5, column t_s: expected seconds, got 1.7e"),
+        ({"ranges_csv": RANGES + "1,a,7\n"}, "row 5, column t_s: anchor 'a' has two readings at 1"),
+        ({"ranges_csv": RANGES.replace("6.5", "NaN")}, "ranges.csv, row 3, column range_m: expec"),
+        (
+            {
+                "trajectory_csv": "t_s,east_m,north_m\n0,0,0\n1,3000,0\n",
+                "ranges_csv": "t_s,anchor_id,range_m\n0,a,5012\n1,a,6042\n",
+            },
+            "a median of 5527 beside a path 3000 m wide: this looks like millimetres",
+        ),
+        (
+            {"ranges_csv": "t_s,anchor_id,range_m\n0,a,5012\n1,a,6042\n"},
+            "column range_m: expected metres, got a median of 5527 beside a path 20 m wide: this",
+        ),
+        (
+            {"ranges_csv": "t_s,anchor_id,range_m\n3600,a,5\n3601,a,6\n"},
+            "the clocks do not meet: the ranges span 3600.000 to 3601.000 s, the trajectory 0.000",
+        ),
+        ({"anchors_csv": "anchor_id\na\nb\na\n"}, "row 4, column anchor_id: 'a' is here twice"),
+        ({"anchors_csv": "anchor_id,lat,lon\na,1,2\n"}, "give frame in scene.yaml"),
+        ({"anchors_csv": "anchor_id,lat\na,1\n"}, "column lon: missing"),
+        (
+            {
+                "trajectory_csv": GEO,
+                "anchors_csv": "anchor_id,up_m,lat,lon,alt_m\na,1,48.1,11.5,2\n",
+            },
+            "anchors.csv: has both up_m and alt_m: keep one",
+        ),
+        (
+            {"trajectory_csv": "t_s,lat,lon\n0,11.5,48.1\n1,111.5,48.1\n"},
+            "row 3, column lat: expected a number within +-90, got 111.5; are lat and lon swapped?",
+        ),
+        ({"trajectory_csv": "t_s,lat,lon\n0,1,2\n1,1,181\n"}, "row 3, column lon: expected a num"),
+        (
+            {"trajectory_csv": "t_s,lat,lon,alt_m\n0,1,2,3\n1,1,2,3e6\n"},
+            "row 3, column alt_m: expected a number within +-100000, got 3e+06",
+        ),
+        (
+            {"trajectory_csv": "t_s,lat,lon\n0,48.1,11.5\n1,0,0\n"},
+            "row 3, column lat: expected a place near the origin at lat 48.1, lon 11.5, got one",
+        ),
+        ({"scene_yaml": "frame: [1"}, "scene.yaml: cannot be read: line 2: did not find"),
+        ({"scene_yaml": "name: 3"}, "scene.yaml: name: input should be a valid string, got 3"),
+        (
+            {"scene_yaml": "name: x\nname: y"},
+            "cannot be read: line 2: the key 'name' is here twice",
+        ),
+        ({"scene_yaml": "name: " + "x" * 401}, "scene.yaml: name: string should have at most 400"),
+        ({"scene_yaml": "nam: x"}, "scene.yaml: nam: unknown key"),
+        ({"scene_yaml": "- 1"}, "scene.yaml: top level: input should be"),
+        ({"scene_yaml": "frame: {lat_deg: 91, lon_deg: 0}"}, "scene.yaml: frame.lat_deg: input"),
+        ({"scene_yaml": "a: 2020-13-45"}, "line 1: 2020-13-45: month must be in 1..12"),
+        ({"scene_yaml": "#" * (2**20 + 1)}, "scene.yaml: cannot be read: more than 262,144"),
+        ({"trajectory_parquet": ""}, "has both trajectory.csv and trajectory.parquet: keep one"),
+    ],
+)
+def test_names_what_is_wrong_and_where(tmp_path: Path, files: dict[str, str], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_native(make_folder(tmp_path, **files))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_tables_and_folders(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match="no such folder"):
+        read_native(tmp_path / "none")
+    with pytest.raises(InputError, match=r"has no trajectory\.csv or trajectory\.parquet"):
+        read_native(tmp_path)
+    (tmp_path / "trajectory.csv").write_text(DRIVE)
+    with pytest.raises(InputError, match=r"has no ranges\.csv or ranges\.parquet"):
+        read_native(tmp_path)
+
+
+def test_writing_replaces_a_scene_and_keeps_other_files(tmp_path: Path) -> None:
+    folder = make_folder(tmp_path, notes_txt="mine")
+    scene = read_native(folder)
+    write_native(scene, folder, "parquet")
+    assert_equal(read_native(folder), scene)
+    names = ["anchors.parquet", "notes.txt", "ranges.parquet", "scene.yaml", "trajectory.parquet"]
+    assert sorted(path.name for path in folder.iterdir()) == names
+
+
+def test_an_interruption_leaves_no_half_of_a_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = read_native(make_folder(tmp_path))
+
+    def interrupt(frame: pl.DataFrame, path: Path) -> None:
+        path.write_text("t_s,east_m")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(pl.DataFrame, "write_csv", interrupt)
+    for folder in (tmp_path / "new", tmp_path / "drive"):
+        with pytest.raises(KeyboardInterrupt):
+            write_native(scene, folder)
+    assert not list((tmp_path / "new").iterdir())
+    assert_equal(read_native(tmp_path / "drive"), scene)
+
+
+def test_writing_where_it_cannot_be(tmp_path: Path) -> None:
+    scene = read_native(make_folder(tmp_path))
+    with pytest.raises(SourceError, match="cannot be written: Not a directory"):
+        write_native(scene, tmp_path / "drive" / "ranges.csv")
+
+
+@settings(ONE_FOLDER, max_examples=60)
+@given(data=st.data())
+def test_whatever_the_bytes_only_our_errors_come(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], data: st.DataObject
+) -> None:
+    """Random bytes, and good files with a few bytes replaced, removed or put in."""
+    contents = {
+        "trajectory.csv": DRIVE.encode(),
+        "ranges.csv": RANGES.encode(),
+        "anchors.csv": b"anchor_id,up_m,east_m,north_m\na,1,2,3\nb,,4,5\n",
+        "scene.yaml": b"name: x\nframe: {lat_deg: 1, lon_deg: 2}\nclock_offset_s: 0.1\n",
+    }
+    name = data.draw(st.sampled_from(sorted(contents)))
+    content = contents[name]
+    junk = st.binary(max_size=6) | st.sampled_from([b'"', b",", b"\n", b"\r", b"\0", b"9e99", b"-"])
+    if data.draw(st.booleans()):
+        content = data.draw(st.binary(max_size=40))
+    else:
+        for _ in range(data.draw(st.integers(1, 4))):
+            start = data.draw(st.integers(0, len(content)))
+            stop = start + data.draw(st.integers(0, 3))
+            content = content[:start] + data.draw(junk) + content[stop:]
+    for other, good in contents.items():
+        (tmp_path / other).write_bytes(content if other == name else good)
+    try:
+        scene = read_native(tmp_path)
+    except GaiaError as error:
+        assert "\n" not in str(error)
+    else:
+        assert len(scene.ranges) > 0
+    assert capfd.readouterr().err == ""  # polars' panics are caught, but show there
+
+
+def test_a_pipe_or_a_broken_link_is_told_at_once(tmp_path: Path) -> None:
+    (tmp_path / "trajectory.csv").write_text("t_s,east_m,north_m\n0,1,2\n1,9,2\n", encoding="utf-8")
+    (tmp_path / "ranges.csv").write_text(RANGES, encoding="utf-8")
+    (tmp_path / "anchors.csv").symlink_to(tmp_path / "no-such-file")
+    with pytest.raises(InputError, match=r"anchors\.csv: is a folder, a pipe or a broken link"):
+        read_native(tmp_path)
+    (tmp_path / "anchors.csv").unlink()
+    (tmp_path / "ranges.csv").unlink()
+    os.mkfifo(tmp_path / "ranges.csv")
+    with pytest.raises(InputError, match=r"ranges\.csv: is a folder, a pipe or a broken link"):
+        read_native(tmp_path)

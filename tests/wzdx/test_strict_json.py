@@ -1,0 +1,95 @@
+"""Files that anybody may send: one clear line, in bounded time."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gaia_uwb._shared.errors import InputError
+from gaia_uwb.wzdx.strict_json import DEEPEST, LARGEST_BYTES, parse_json, read_json
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (b"", "Expecting value"),
+        (b"hello", "Expecting value"),
+        (b"{'a': 1}", "Expecting property name"),
+        (b'{"a": 1', "delimiter"),
+        (b'{"a": 1} x', "Extra data"),
+        (b"\xff\xfe{}", "can't decode"),
+        (b'{"a": NaN}', "NaN is not a JSON number"),
+        (b"[-Infinity]", "-Infinity is not"),
+        (b"[1e999]", "too large"),
+        (b"[" + b"9" * 399 + b"]", "too large"),
+        (b"[" + b"9" * 5000 + b"]", "too large"),
+        (b'{"a": {"b": 1, "b": 1}}', "the key 'b' appears twice"),
+        (b"[" * (DEEPEST + 1) + b"1" + b"]" * (DEEPEST + 1), "nested deeper than 50"),
+        (b"[" * 1_000_000, "nested deeper than 50"),
+        (b'{"a":' * 1_000_000, "nested deeper than 50"),
+    ],
+)
+def test_one_clear_line(tmp_path: Path, content: bytes, problem: str) -> None:
+    path = tmp_path / "feed.json"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=problem) as caught:
+        read_json(path)
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith(f"{path}: not usable JSON: ")
+
+
+def test_files_that_are_none(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="No such file"):
+        read_json(tmp_path / "nowhere.json")
+    with pytest.raises(InputError, match="expected a file"):
+        read_json(tmp_path)
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="expected a file"):
+        read_json(tmp_path / "pipe")
+    with (tmp_path / "huge.json").open("wb") as file:
+        file.truncate(LARGEST_BYTES + 1)
+    with pytest.raises(InputError, match="larger than 25 MB"):
+        read_json(tmp_path / "huge.json")
+
+
+def nested(levels: int) -> Any:
+    value: Any = 1
+    for k in range(levels):
+        value = [value] if k % 2 else {"a": value, "b": 2}
+    return value
+
+
+def test_depth_up_to_the_limit_is_read() -> None:
+    assert parse_json(json.dumps(nested(DEEPEST)).encode()) == nested(DEEPEST)
+    with pytest.raises(ValueError, match="nested deeper"):
+        parse_json(json.dumps(nested(DEEPEST + 1)).encode())
+
+
+def test_a_byte_order_mark_is_no_harm() -> None:
+    assert parse_json(b'\xef\xbb\xbf{"a": 1}') == {"a": 1}
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.integers(-(10**17), 10**17) | st.text()
+        | st.floats(allow_nan=False, allow_infinity=False),
+        lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+        max_leaves=10,
+    )
+)  # fmt: skip
+def test_what_json_writes_is_read_back(value: Any) -> None:
+    assert parse_json(json.dumps(value).encode()) == value
+
+
+@given(st.binary(max_size=60))
+def test_any_bytes_are_read_or_refused(content: bytes) -> None:
+    try:
+        parse_json(content)
+    except ValueError as error:
+        assert "\n" not in str(error)
