@@ -18,16 +18,16 @@ from pathlib import Path
 import _tally
 from gaia_uwb import __version__
 from gaia_uwb._shared import OutputFolder
-from gaia_uwb.models import GaiaSetOptions, SetModelDescription, SetTrainingOptions
+from gaia_uwb.models import GaiaSetArchitecture, ZoneModel, ZoneTrainingOptions
 
 PAGE = Path(__file__).parents[2] / "docs" / "gaia-set-ablation.md"
 ADAMW = "AdamW for all weights, no Muon"
 VARIANTS = {
-    "whole": GaiaSetOptions(),
-    ADAMW: GaiaSetOptions(),
-    "without attention: every anchor on its own": GaiaSetOptions(layers=0),
-    "one round": GaiaSetOptions(rounds=1),
-    "half the channels of the temporal encoder": GaiaSetOptions(channels=12),
+    "whole": GaiaSetArchitecture(),
+    ADAMW: GaiaSetArchitecture(),
+    "without attention: every anchor on its own": GaiaSetArchitecture(layers=0),
+    "one round": GaiaSetArchitecture(rounds=1),
+    "half the channels of the temporal encoder": GaiaSetArchitecture(channels=12),
 }
 KINDS = ("wild", "roaming", "stress")
 METRICS = {
@@ -52,7 +52,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--page", type=Path, default=PAGE)
     given = parser.parse_args()
-    options = SetTrainingOptions(portions=given.portions)
+    options = ZoneTrainingOptions(portions=given.portions)
     os.environ["OMP_NUM_THREADS"] = "1"  # read by the processes that are started below
     places = [given.out / str(k) for k in range(len(VARIANTS))]
     pool = ProcessPoolExecutor(given.workers, get_context("spawn"), max_tasks_per_child=1)
@@ -66,27 +66,27 @@ def main() -> None:
         seed=options.seed,
         portions=options.portions,
         episodes=options.portion_episodes,
-        shipped=SetTrainingOptions().portions,
+        shipped=ZoneTrainingOptions().portions,
         validation=options.validation_episodes,
     )
     text = "\n".join([head, *(table(kind, found) for kind in KINDS), f"gaia {__version__}.\n"])
     OutputFolder(given.page.parent).write_text(given.page.name, text)
 
 
-def optimised(options: SetTrainingOptions, variant: str) -> SetTrainingOptions:
+def optimised(options: ZoneTrainingOptions, variant: str) -> ZoneTrainingOptions:
     """Return the settings of a variant."""
     optimiser = "adamw" if variant == ADAMW else "muon"
     return options.model_copy(update={"matrix_optimiser": optimiser})
 
 
-def train(network: GaiaSetOptions, options: SetTrainingOptions, place: Path) -> SetModelDescription:
+def train(network: GaiaSetArchitecture, options: ZoneTrainingOptions, place: Path) -> ZoneModel:
     """Train a variant."""
-    from gaia_uwb.learn import SetTask, train_set
+    from gaia_uwb.learn import ZoneTask, train_zone
 
-    return train_set(SetTask(network, options, __version__), OutputFolder(place))
+    return train_zone(ZoneTask(network, options, __version__), OutputFolder(place))
 
 
-def table(kind: str, found: dict[str, SetModelDescription]) -> str:
+def table(kind: str, found: dict[str, ZoneModel]) -> str:
     """Return all variants on one kind of scene, as Markdown."""
     rows = [
         [variant, *(f"{model.metrics[f'{kind}_{name}']:.4g}" for name in METRICS)]

@@ -19,11 +19,11 @@ import numpy as np
 
 from gaia_uwb.api import load_scenes
 from gaia_uwb.denoised import DenoisedRanges
-from gaia_uwb.denoisers import Neural, make_denoiser
+from gaia_uwb.denoisers import WindowNetwork, make_denoiser
 from gaia_uwb.episode import Episode
 from gaia_uwb.learn import (
-    LearningSetOptions,
-    LearningSets,
+    WindowSetOptions,
+    WindowSets,
     logged_sets,
     n_folds,
     prepare_runs,
@@ -60,13 +60,13 @@ def main() -> None:
 
 def all_folds(
     models: Path, data_dir: Path | None
-) -> Iterator[tuple[str, list[tuple[Path, LearningSets]]]]:
+) -> Iterator[tuple[str, list[tuple[Path, WindowSets]]]]:
     """Yield the models of each kind of data with the sets that they were trained on."""
-    stress = simulated_sets("stress", LearningSetOptions())
+    stress = simulated_sets("stress", WindowSetOptions())
     yield "stress", [(folder, stress) for folder in sorted(models.glob("gaia-seed*"))]
     scenes = load_scenes("outdoor-uwb", data_dir=data_dir)
     for preparation in ("published", "aligned"):
-        options = LearningSetOptions(preparation=preparation)
+        options = WindowSetOptions(preparation=preparation)
         runs = prepare_runs(scenes, options)
         for split in ("window", "run"):
             folds = range(n_folds(split, runs))
@@ -82,10 +82,10 @@ def all_folds(
             )
 
 
-def look(folder: Path, sets: LearningSets) -> dict[str, np.ndarray]:
+def look(folder: Path, sets: WindowSets) -> dict[str, np.ndarray]:
     """Return what network and median make of validation windows, and what training windows need."""
     denoiser = make_denoiser(f"gaia:{folder}")
-    assert isinstance(denoiser, Neural)
+    assert isinstance(denoiser, WindowNetwork)
     denoiser.description = denoiser.description.model_copy(update={"plausible_correction_m": None})
     blind = [episode.without_truth() for episode in sets.validation]
     network, median = denoiser(blind), make_denoiser("median")(blind)

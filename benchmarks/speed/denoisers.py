@@ -23,8 +23,8 @@ from statistics import median
 
 from _measure import command_seconds, make_parser, per_second, run_parts, stress_windows
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.denoisers import make_denoiser
-from gaia_uwb.models import find_model, make_features, read_description, read_weights
+from gaia_uwb.denoisers import find_trained, make_denoiser
+from gaia_uwb.models import WindowModel, make_window_inputs, read_weights
 from gaia_uwb.pipeline import reconstruct_episodes
 
 _FIRST = """
@@ -48,9 +48,8 @@ def network(given: argparse.Namespace) -> dict[str, float]:
 
     kind, _, model = given.model.partition(":")
     episodes = stress_windows(given.windows)
-    folder = find_model(kind, model)
-    description = read_description(folder)
-    features = make_features(episodes, description.n_anchors, description.normalisation)
+    folder, description = find_trained(kind, model, WindowModel)
+    features = make_window_inputs(episodes, description.n_anchors, description.normalisation)
     session = onnxruntime.InferenceSession(
         str(folder / "model.onnx"), providers=["CPUExecutionProvider"]
     )

@@ -16,15 +16,15 @@ from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers.registry import make_denoiser
 from gaia_uwb.episode import Episode
 from gaia_uwb.models.checkpoint import DESCRIPTION, ONNX
-from gaia_uwb.models.description import SET_LONGEST_STEPS, SET_MOST_ANCHORS
+from gaia_uwb.models.description import ZONE_LONGEST_STEPS, ZONE_MOST_ANCHORS
 from gaia_uwb.simulate import find_preset, simulate_episodes
-from tiny_models import make_run, train_tiny_set
+from tiny_models import make_run, train_tiny_zone
 
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("gaia-set")
-    train_tiny_set(folder)
+    train_tiny_zone(folder)
     return folder
 
 
@@ -91,7 +91,7 @@ def test_any_length(model: Path, n_steps: int) -> None:
 
 
 def test_what_is_too_long_is_taken_in_pieces_without_seams(model: Path) -> None:
-    run = make_run(3, n_steps=SET_LONGEST_STEPS + 100, missing=0.3)
+    run = make_run(3, n_steps=ZONE_LONGEST_STEPS + 100, missing=0.3)
     (found,) = denoise(model, [run])
     np.testing.assert_array_equal(found.valid, run.valid)
     assert np.isfinite(found.range_m[run.valid]).all()
@@ -150,7 +150,7 @@ def test_a_long_log_without_a_range_is_left_as_it_is(model: Path) -> None:
 
 
 def test_what_is_too_many_is_taken_in_groups_by_when_they_are_passed(model: Path) -> None:
-    run = make_run(4, n_steps=40, n_anchors=SET_MOST_ANCHORS + 30, missing=0.0)
+    run = make_run(4, n_steps=40, n_anchors=ZONE_MOST_ANCHORS + 30, missing=0.0)
     # First come those that are ranged in the first half only, in any order of columns.
     early = np.random.default_rng(0).permutation(run.n_anchors)[: run.n_anchors // 2]
     valid = np.zeros((40, run.n_anchors), dtype=bool)

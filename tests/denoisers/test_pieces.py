@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gaia_uwb.denoised import DenoisedRanges, ZonePosterior
 from gaia_uwb.denoisers._pieces import Piece, pieces_of, put_together, sections
 from gaia_uwb.episode import Episode
-from gaia_uwb.models.description import SET_FARTHEST_M, SET_LONGEST_STEPS, SET_MOST_ANCHORS
+from gaia_uwb.models.description import ZONE_FARTHEST_M, ZONE_LONGEST_STEPS, ZONE_MOST_ANCHORS
 
 
 def drive(step_m: np.ndarray, anchors_at: list[int], reach: int = 150) -> Episode:
@@ -62,9 +62,9 @@ def test_sections_cover_all_steps_within_reach(step_m: list[float], repeat: int)
         assert one.start < following.start < one.stop < following.stop
     for part in found:
         length = part.stop - part.start
-        assert 2 <= length <= SET_LONGEST_STEPS
+        assert 2 <= length <= ZONE_LONGEST_STEPS
         along_m = episode.position_m[part, 0]
-        assert length == 2 or np.abs(along_m - along_m.mean()).max() <= SET_FARTHEST_M + 1e-6
+        assert length == 2 or np.abs(along_m - along_m.mean()).max() <= ZONE_FARTHEST_M + 1e-6
 
 
 def test_every_anchor_has_one_piece_with_most_of_its_ranges() -> None:
@@ -80,7 +80,7 @@ def test_every_anchor_has_one_piece_with_most_of_its_ranges() -> None:
 def test_too_many_anchors_in_one_section_are_split() -> None:
     episode = drive(np.full(300, 0.5), list(np.linspace(0, 300, 450).astype(int)))
     pieces = pieces_of(episode)
-    assert max(len(piece.heard) for piece in pieces) <= SET_MOST_ANCHORS
+    assert max(len(piece.heard) for piece in pieces) <= ZONE_MOST_ANCHORS
     own = np.concatenate([piece.heard[piece.own] for piece in pieces])
     assert sorted(own.tolist()) == list(range(450))
 

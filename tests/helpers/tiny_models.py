@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
@@ -10,32 +11,31 @@ from unittest.mock import patch
 import numpy as np
 
 from gaia_uwb.episode import Episode, EpisodeTruth
-from gaia_uwb.learn.window_sets import LearningSets
+from gaia_uwb.learn.window_sets import WindowSets
 from gaia_uwb.models.description import (
-    GaiaOptions,
-    GaiaSetOptions,
-    MlpOptions,
-    NetworkOptions,
-    PoseMlpOptions,
-    SetTrainingOptions,
-    TrainingOptions,
+    GaiaArchitecture,
+    GaiaSetArchitecture,
+    MlpArchitecture,
+    PoseMlpArchitecture,
+    WindowArchitecture,
 )
+from gaia_uwb.models.training_options import WindowTrainingOptions, ZoneTrainingOptions
 
 if TYPE_CHECKING:
-    from gaia_uwb.models.description import ModelDescription, SetModelDescription
+    from gaia_uwb.models.description import WindowModel, ZoneModel
 
 N_ANCHORS = 3
 N_STEPS = 8
 SIZES: dict[str, Any] = {"base_hidden": 8, "gru_hidden": 8, "layout_hidden": 8, "head_hidden": 8}
-NETWORKS: dict[str, NetworkOptions] = {
-    "mlp": MlpOptions(hidden=8),
-    "pose-mlp": PoseMlpOptions(hidden=8),
-    "gaia": GaiaOptions(**SIZES),
-    "without-layout-head": GaiaOptions(**SIZES, layout_head=False),
-    "without-geo-dist": GaiaOptions(**SIZES, geo_dist=False),
-    "unfrozen-base": GaiaOptions(**SIZES, train_base=True),
-    "causal": GaiaOptions(**SIZES, causal=True),
-    "causal-look-ahead": GaiaOptions(**SIZES, causal=True, look_ahead_steps=2),
+NETWORKS: dict[str, WindowArchitecture] = {
+    "mlp": MlpArchitecture(hidden=8),
+    "pose-mlp": PoseMlpArchitecture(hidden=8),
+    "gaia": GaiaArchitecture(**SIZES),
+    "without-layout-head": GaiaArchitecture(**SIZES, layout_head=False),
+    "without-geo-dist": GaiaArchitecture(**SIZES, geo_dist=False),
+    "unfrozen-base": GaiaArchitecture(**SIZES, train_base=True),
+    "causal": GaiaArchitecture(**SIZES, causal=True),
+    "causal-look-ahead": GaiaArchitecture(**SIZES, causal=True, look_ahead_steps=2),
 }
 
 
@@ -61,56 +61,77 @@ def make_run(
     )
 
 
-def make_sets(n_training: int = 8, n_validation: int = 4, **changes: Any) -> LearningSets:
+def make_sets(n_training: int = 8, n_validation: int = 4, **changes: Any) -> WindowSets:
     runs = [make_run(seed, **changes) for seed in range(n_training + n_validation)]
     source = {"source": "tiny runs"}
-    return LearningSets(tuple(runs[:n_training]), tuple(runs[n_training:]), (), (), source)
+    return WindowSets(tuple(runs[:n_training]), tuple(runs[n_training:]), (), (), source)
+
+
+class InterruptionError(Exception):
+    """Stands for whatever stops a training."""
+
+
+def stop_after(n: int) -> Callable[[Iterable[int], str, int], Iterator[int]]:
+    """Stop the named training after n steps; that of a base runs through."""
+
+    def go(steps: Iterable[int], name: str, done: int) -> Iterator[int]:
+        for step in steps:
+            if name != "pose-mlp" and step - done >= n:
+                raise InterruptionError
+            yield step
+
+    return go
+
+
+@contextmanager
+def no_curves() -> Iterator[None]:
+    folder = "gaia_uwb.learn.training_folder"
+    with patch(f"{folder}.plot_losses"), patch(f"{folder}.figure_png", return_value=b""):
+        yield
 
 
 def train_tiny(
     folder: Path,
-    network: NetworkOptions,
-    sets: LearningSets | None = None,
+    network: WindowArchitecture,
+    sets: WindowSets | None = None,
     *,
     base: Path | None = None,
     progress: Any = None,
     curves: bool = False,
     **training: Any,
-) -> ModelDescription:
+) -> WindowModel:
     """Train; drawing the loss curves takes far longer than all else, so they are left out."""
     from gaia_uwb._shared.files import OutputFolder
-    from gaia_uwb.learn.window_training import Task, train
+    from gaia_uwb.learn.window_training import WindowTask, train_window
 
-    settings = TrainingOptions(**({"epochs": 2, "batch_size": 4} | training))
-    task = Task(network, settings, make_sets() if sets is None else sets, "0.0")
+    settings = WindowTrainingOptions(**({"epochs": 2, "batch_size": 4} | training))
+    task = WindowTask(network, settings, "0.0", make_sets() if sets is None else sets)
     more = {} if progress is None else {"progress": progress}
-    with ExitStack() as stack:
-        if not curves:
-            stack.enter_context(patch("gaia_uwb.learn.training_folder.plot_losses"))
-            stack.enter_context(
-                patch("gaia_uwb.learn.training_folder.figure_png", return_value=b"")
-            )
-        return train(task, OutputFolder(folder), base=base, **more)
+    with nullcontext() if curves else no_curves():
+        return train_window(task, OutputFolder(folder), base=base, **more)
 
 
-def train_tiny_set(
+def train_tiny_zone(
     folder: Path, *, progress: Any = None, curves: bool = False, **training: Any
-) -> SetModelDescription:
+) -> ZoneModel:
     """Train a small ``gaia-set`` for a moment; without the loss curves, like ``train_tiny``."""
     from gaia_uwb._shared.files import OutputFolder
-    from gaia_uwb.learn.zone_training import SetTask, train_set
+    from gaia_uwb.learn.zone_training import ZoneTask, train_zone
 
     settings = {"portions": 2, "portion_episodes": 16, "validation_episodes": 8, "warm_up_steps": 4}
-    task = SetTask(
-        GaiaSetOptions(channels=4, width=8, layers=1, rounds=2),
-        SetTrainingOptions(**(settings | training)),
+    task = ZoneTask(
+        GaiaSetArchitecture(channels=4, width=8, layers=1, rounds=2),
+        ZoneTrainingOptions(**(settings | training)),
         "0",
     )
     watch = {} if progress is None else {"progress": progress}
-    with ExitStack() as stack:
-        if not curves:
-            stack.enter_context(patch("gaia_uwb.learn.training_folder.plot_losses"))
-            stack.enter_context(
-                patch("gaia_uwb.learn.training_folder.figure_png", return_value=b"")
-            )
-        return train_set(task, OutputFolder(folder), **watch)
+    with nullcontext() if curves else no_curves():
+        return train_zone(task, OutputFolder(folder), **watch)
+
+
+def train_tiny_steps(folder: Path, network: str, n_steps: int, **training: Any) -> None:
+    """Train one of either family for some epochs, or portions."""
+    if network == "gaia-set":
+        train_tiny_zone(folder, portions=n_steps, portion_episodes=64, **training)
+    else:
+        train_tiny(folder, NETWORKS[network], epochs=n_steps, position_noise_m=0.05, **training)

@@ -10,8 +10,8 @@ import pytest
 from gaia_uwb._shared.errors import ConfigError, InputError
 from gaia_uwb.episode import Episode
 from gaia_uwb.learn.window_sets import (
-    LearningSetOptions,
-    LearningSets,
+    WindowSetOptions,
+    WindowSets,
     logged_sets,
     n_folds,
     prepare_runs,
@@ -20,7 +20,7 @@ from gaia_uwb.learn.window_sets import (
 from gaia_uwb.simulate.variation import layout_part
 from surveyed import make_runs
 
-OPTIONS = LearningSetOptions(window_steps=32, training_stride=8)
+OPTIONS = WindowSetOptions(window_steps=32, training_stride=8)
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def runs() -> list[Episode]:
     return prepare_runs(make_runs(), OPTIONS)
 
 
-def make_sets(runs: list[Episode], split: str) -> LearningSets:
+def make_sets(runs: list[Episode], split: str) -> WindowSets:
     return logged_sets(runs, "walks", split, OPTIONS)
 
 
@@ -109,7 +109,7 @@ def test_nothing_left_to_train_on(runs: list[Episode]) -> None:
 
 
 def test_simulated_test_layouts_are_none_of_the_training() -> None:
-    options = LearningSetOptions(n_training=6, n_validation=4)
+    options = WindowSetOptions(n_training=6, n_validation=4)
     sets = simulated_sets("stress", options, n_test=5, test_seed=3)
     again = simulated_sets("stress", options)
     assert [len(part) for part in (sets.training, sets.validation, sets.test)] == [6, 4, 5]

@@ -1,9 +1,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +14,13 @@ import torch
 from gaia_uwb._shared.errors import ConfigError, InputError
 from gaia_uwb.learn.networks.make import make_network
 from gaia_uwb.learn.training_folder import CURVES, LOG, STATE
-from gaia_uwb.learn.window_sets import LearningSets
+from gaia_uwb.learn.window_sets import WindowSets
 from gaia_uwb.learn.window_training import BASE
-from gaia_uwb.models.checkpoint import DESCRIPTION, ONNX, WEIGHTS, read_description, read_weights
-from gaia_uwb.models.description import GaiaOptions, MlpOptions, TrainingOptions
-from gaia_uwb.models.window_inputs import make_features
-from killed_runs import kill_training
-from tiny_models import NETWORKS, SIZES, make_run, make_sets, train_tiny
+from gaia_uwb.models.checkpoint import WEIGHTS, read_description, read_weights
+from gaia_uwb.models.description import GaiaArchitecture, MlpArchitecture
+from gaia_uwb.models.training_options import WindowTrainingOptions
+from gaia_uwb.models.window_inputs import make_window_inputs
+from tiny_models import NETWORKS, SIZES, make_run, make_sets, stop_after, train_tiny
 
 GAIA = NETWORKS["gaia"]
 
@@ -44,20 +42,6 @@ def weights_of(folder: Path) -> dict[str, np.ndarray]:
     return read_weights(folder, read_description(folder))
 
 
-class InterruptionError(Exception):
-    """Stands for whatever stops a training."""
-
-
-def stop_after(n_epochs: int) -> Callable[[Iterable[int], str, int], Iterator[int]]:
-    def go(epochs: Iterable[int], _name: str, done: int) -> Iterator[int]:
-        for epoch in epochs:
-            if epoch - done >= n_epochs:
-                raise InterruptionError
-            yield epoch
-
-    return go
-
-
 def test_it_learns(tmp_path: Path, base: Path) -> None:
     found = train_tiny(tmp_path, GAIA, base=base, epochs=15, learning_rate=0.02)
     totals = [line["training"]["total"] for line in read_log(tmp_path)]
@@ -68,52 +52,18 @@ def test_it_learns(tmp_path: Path, base: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("name", ["mlp", "gaia", "unfrozen-base"])
-def test_an_interrupted_training_ends_as_one_that_was_not(
-    name: str, tmp_path: Path, base: Path
-) -> None:
-    settings = {"epochs": 5, "position_noise_m": 0.05, "base": None if name == "mlp" else base}
-    train_tiny(tmp_path / "whole", NETWORKS[name], **settings)
-    for n_epochs in (2, 1):
-        with pytest.raises(InterruptionError):
-            train_tiny(tmp_path / "cut", NETWORKS[name], progress=stop_after(n_epochs), **settings)
-    assert len(read_log(tmp_path / "cut")) == 3
-    assert not (tmp_path / "cut" / DESCRIPTION).exists()
-    train_tiny(tmp_path / "cut", NETWORKS[name], **settings)
-    for file in (WEIGHTS, ONNX, LOG, DESCRIPTION):
-        whole, cut = (tmp_path / run / file for run in ("whole", "cut"))
-        assert whole.read_bytes() == cut.read_bytes(), file
-
-
-def test_a_killed_training_ends_as_one_that_was_not(tmp_path: Path, base: Path) -> None:
-    settings = {"network": GAIA, "epochs": 6, "batch_size": 4, "base": base}
-    train_tiny(tmp_path / "whole", **settings)
-    kill_training(partial(train_tiny, tmp_path / "cut", **settings), after=2)
-    assert len(read_log(tmp_path / "cut")) == 2
-    train_tiny(tmp_path / "cut", **settings)
-    for file in (WEIGHTS, LOG):
-        assert (tmp_path / "cut" / file).read_bytes() == (tmp_path / "whole" / file).read_bytes()
-
-
-def test_a_finished_training_is_not_done_again(tmp_path: Path, base: Path) -> None:
-    train_tiny(tmp_path, GAIA, base=base)
-    before = (tmp_path / WEIGHTS).read_bytes()
-    train_tiny(tmp_path, GAIA, base=base, progress=stop_after(0))
-    assert (tmp_path / WEIGHTS).read_bytes() == before
-
-
 def test_a_folder_of_another_training_is_refused(tmp_path: Path, base: Path) -> None:
     train_tiny(tmp_path / "model", GAIA, base=base)
     other = tmp_path / "other-base"
     train_tiny(other, NETWORKS["pose-mlp"], seed=1)
     changes = [
-        {"network": GaiaOptions(**(SIZES | {"gru_hidden": 7}))},
+        {"network": GaiaArchitecture(**(SIZES | {"gru_hidden": 7}))},
         {"network": NETWORKS["unfrozen-base"]},
         {"learning_rate": 1e-4},
         {"seed": 1},
         {"epochs": 3},
         {"base": other},
-        {"sets": LearningSets(make_sets().training, make_sets(9).validation, (), (), {})},
+        {"sets": WindowSets(make_sets().training, make_sets(9).validation, (), (), {})},
     ]
     for change in changes:
         with pytest.raises(ConfigError, match="belongs to another training") as caught:
@@ -131,30 +81,26 @@ def test_a_damaged_state_is_refused(tmp_path: Path, base: Path, content: bytes |
 
 
 def test_it_stops_when_nothing_improves(tmp_path: Path) -> None:
-    found = train_tiny(
-        tmp_path, MlpOptions(hidden=8), epochs=50, patience=2, learning_rate=1e-12, weight_decay=0.0
-    )
+    settings = {"epochs": 50, "patience": 2, "learning_rate": 1e-12, "weight_decay": 0.0}
+    found = train_tiny(tmp_path, MlpArchitecture(hidden=8), **settings)
     log = read_log(tmp_path)
     totals = [line["validation"]["total"] for line in log]
     best = int(np.argmin(totals))
     assert len(log) == best + 3 < 50
     assert (found.metrics["best_epoch"], found.metrics["epochs"]) == (best, len(log))
     # Stopped is stopped, also for whoever asks again.
-    train_tiny(
-        tmp_path, MlpOptions(hidden=8), epochs=50, patience=2, learning_rate=1e-12,
-        weight_decay=0.0, progress=stop_after(0),
-    )  # fmt: skip
+    train_tiny(tmp_path, MlpArchitecture(hidden=8), progress=stop_after(0), **settings)
 
 
 def test_the_best_weights_are_kept_not_the_last(tmp_path: Path) -> None:
-    found = train_tiny(tmp_path, MlpOptions(hidden=8), epochs=8, learning_rate=0.3)
+    found = train_tiny(tmp_path, MlpArchitecture(hidden=8), epochs=8, learning_rate=0.3)
     totals = [line["validation"]["total"] for line in read_log(tmp_path)]
     assert found.metrics["best_epoch"] == np.argmin(totals)
     assert found.metrics["validation_total"] == pytest.approx(min(totals), abs=1e-6)
     network = make_network(3, found.network)
     network.load_state_dict({k: torch.from_numpy(v) for k, v in weights_of(tmp_path).items()})
     runs = make_sets().validation
-    features = make_features(runs, 3, found.normalisation)
+    features = make_window_inputs(runs, 3, found.normalisation)
     with torch.no_grad():
         distance = network(*map(torch.from_numpy, features)).distance.numpy()
     square_m2 = [
@@ -186,14 +132,14 @@ def test_an_unfrozen_base_goes_on_from_the_given_one(tmp_path: Path, base: Path)
 
 
 def test_a_base_that_does_not_fit_is_refused(tmp_path: Path, base: Path) -> None:
-    wider = GaiaOptions(**(SIZES | {"base_hidden": 9}))
+    wider = GaiaArchitecture(**(SIZES | {"base_hidden": 9}))
     four = make_sets(n_anchors=4)
-    elsewhere = LearningSets(make_sets(9).training, make_sets().validation, (), (), {})
+    elsewhere = WindowSets(make_sets(9).training, make_sets().validation, (), (), {})
     mlp = tmp_path / "mlp"
     train_tiny(mlp, NETWORKS["mlp"], epochs=1)
     for problem, network, sets, where in (
-        ("as the base, got PoseMlpOptions", wider, make_sets(), base),
-        ("as the base, got MlpOptions", GAIA, make_sets(), mlp),
+        ("as the base, got PoseMlpArchitecture", wider, make_sets(), base),
+        ("as the base, got MlpArchitecture", GAIA, make_sets(), mlp),
         ("for 4 anchors, got 3", GAIA, four, base),
         ("another normalisation", GAIA, elsewhere, base),
         ("cannot read this file", GAIA, make_sets(), tmp_path / "nowhere"),
@@ -209,7 +155,7 @@ def test_the_log_has_every_term_of_every_epoch(tmp_path: Path, base: Path) -> No
     log = read_log(tmp_path)
     terms = {"mask", "layout", "consistency", "anchor", "total"}
     assert [line["epoch"] for line in log] == [0, 1, 2]
-    rate = TrainingOptions().learning_rate
+    rate = WindowTrainingOptions().learning_rate
     rates = [line["learning_rate"] for line in log]
     assert rates == pytest.approx([rate, 0.75 * rate, 0.25 * rate])
     for line in log:
@@ -238,26 +184,24 @@ def test_the_seed_alone_decides(tmp_path: Path) -> None:
 def test_a_loss_beyond_all_numbers_ends_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="lower the learning rate") as caught:
         train_tiny(
-            tmp_path, MlpOptions(hidden=8), _far_off(), huber_delta_m=1e30, anchor_weight=0.0
+            tmp_path, MlpArchitecture(hidden=8), _far_off(), huber_delta_m=1e30, anchor_weight=0.0
         )
     assert "\n" not in str(caught.value)
 
 
-def _far_off() -> LearningSets:
+def _far_off() -> WindowSets:
     """Return one run whose true ranges overflow float32 when they are squared."""
     run = make_run(0)
     assert run.truth is not None
     absurd = replace(run, truth=replace(run.truth, range_m=run.truth.range_m + 1e30))
-    return LearningSets((absurd,), (absurd,), (), (), {})
+    return WindowSets((absurd,), (absurd,), (), (), {})
 
 
 def test_sets_that_cannot_be_learned_from_are_refused(tmp_path: Path) -> None:
     sets = make_sets()
-    nothing = LearningSets(sets.training, (), (), (), {})
+    nothing = WindowSets(sets.training, (), (), (), {})
     with pytest.raises(InputError, match="episodes to train and to validate on, got none"):
         train_tiny(tmp_path, NETWORKS["mlp"], nothing)
-    blind = LearningSets(
-        tuple(e.without_truth() for e in sets.training), sets.validation, (), (), {}
-    )
+    blind = WindowSets(tuple(e.without_truth() for e in sets.training), sets.validation, (), (), {})
     with pytest.raises(InputError, match="run-0: expected true ranges"):
         train_tiny(tmp_path, NETWORKS["mlp"], blind)

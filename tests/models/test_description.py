@@ -1,74 +1,25 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from gaia_uwb._shared.errors import InputError
-from gaia_uwb.models.description import (
-    Domain,
-    GaiaOptions,
-    ModelDescription,
-    Normalisation,
-    TrainingOptions,
-    per_step,
-)
+from gaia_uwb.models.description import GaiaArchitecture, WindowModel
+from gaia_uwb.models.domain import Domain, Normalisation
+from gaia_uwb.models.training_options import WindowTrainingOptions
 from tiny_models import make_run
-
-
-def test_normalisation_centres_the_paths_and_scales_by_the_usable_ranges() -> None:
-    runs = [make_run(seed, missing=0.4) for seed in range(3)]
-    found = Normalisation.fit(runs)
-    assert (found.origin_east_m, found.origin_north_m) == (0.0, -4.0)
-    used = np.concatenate([run.range_m[run.valid] for run in runs])
-    assert found.scale_m == pytest.approx(np.sqrt(np.mean(used**2)), abs=1e-3)
-    with pytest.raises(InputError, match="expected episodes with ranges"):
-        Normalisation.fit([make_run(0, missing=1.1)])
-
-
-def test_the_domain_holds_all_that_it_was_made_of() -> None:
-    runs = [make_run(0), make_run(1, n_anchors=5)]
-    # A straight path has no width: rounding must not shut it out.
-    shifted = [replace(run, position_m=run.position_m + 0.0004) for run in runs]
-    domain = Domain.of(shifted)
-    assert domain.n_anchors == (3, 5)
-    assert [domain.outside_share(run) for run in shifted] == [0.0, 0.0]
-    least = min(np.nanmin(run.range_m) for run in runs)
-    most = max(np.nanmax(run.range_m) for run in runs)
-    assert domain.range_m[0] <= least <= most <= domain.range_m[1]
-
-
-def test_a_path_beyond_the_domain_is_counted() -> None:
-    domain = Domain(east_m=(-10.0, 10.0), north_m=(-5.0, -3.0), range_m=(0, 20), n_anchors=(3, 3))
-    run = make_run(0, n_steps=21)
-    assert domain.outside_share(run) == 0.0
-    beyond = replace(
-        run, position_m=run.position_m + np.array([7.0, 0.0])
-    )  # -3 to 17 m; slack to 12 m
-    assert domain.outside_share(beyond) == pytest.approx(5 / 21)
-    beside = replace(run, position_m=run.position_m + np.array([0.0, 1.3]))
-    assert domain.outside_share(beside) == 1.0
-
-
-def test_networks_of_one_step_are_trained_on_the_masked_loss_for_longer() -> None:
-    gaia = TrainingOptions(epochs=6, seed=3, batch_size=7)
-    found = per_step(gaia)
-    assert (found.epochs, found.anchor_weight, found.seed, found.batch_size) == (12, 0.0, 3, 7)
 
 
 def test_contradicting_options_are_refused() -> None:
     with pytest.raises(ValidationError, match="look_ahead_steps is for causal networks only"):
-        GaiaOptions(look_ahead_steps=3)
+        GaiaArchitecture(look_ahead_steps=3)
 
 
 def test_a_description_survives_its_own_json() -> None:
-    description = ModelDescription(
-        schema=1, network=GaiaOptions(causal=True, look_ahead_steps=4), n_anchors=12,
+    description = WindowModel(
+        schema=1, network=GaiaArchitecture(causal=True, look_ahead_steps=4), n_anchors=12,
         window_steps=64, normalisation=Normalisation.fit([make_run(0)]),
         domain=Domain.of([make_run(0)]), sigma_m=0.1, data={"source": "sim:stress", "runs": 3},
-        training=TrainingOptions(), metrics={"validation_total": 0.5}, version="1",
+        training=WindowTrainingOptions(), metrics={"validation_total": 0.5}, version="1",
     )  # fmt: skip
-    again = ModelDescription.model_validate_json(description.model_dump_json(by_alias=True))
+    again = WindowModel.model_validate_json(description.model_dump_json(by_alias=True))
     assert again == description

@@ -11,36 +11,37 @@ from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoisers.registry import make_denoiser
 from gaia_uwb.evaluate import scores as evaluate
 from gaia_uwb.evaluate.metrics import aggregate
-from gaia_uwb.models.card import model_card, set_model_card
+from gaia_uwb.models.card import model_card
 from gaia_uwb.models.checkpoint import (
     CARD,
     read_description,
-    read_set_description,
     read_weights,
     shipped_models,
 )
-from gaia_uwb.models.window_inputs import make_features
-from gaia_uwb.models.zone_inputs import zone_inputs, zone_readings
+from gaia_uwb.models.window_inputs import make_window_inputs
+from gaia_uwb.models.zone_inputs import make_zone_inputs, zone_readings
 from gaia_uwb.simulate import find_preset, simulate_episodes
 
-SETS = {name: path for name, path in shipped_models().items() if name.startswith("gaia-set-")}
-MODELS = {name: path for name, path in shipped_models().items() if name not in SETS}
+ZONE_MODELS = {
+    name: path for name, path in shipped_models().items() if name.startswith("gaia-set-")
+}
+WINDOW_MODELS = {name: path for name, path in shipped_models().items() if name not in ZONE_MODELS}
 """The paper's networks."""
 
 
 def test_what_the_documentation_promises_is_there() -> None:
     expected = {"gaia-stress", "gaia-outdoor-uwb", "pose-mlp-stress", "pose-mlp-outdoor-uwb"}
-    assert expected <= set(MODELS)
-    assert "gaia-set-mixed" in SETS
+    assert expected <= set(WINDOW_MODELS)
+    assert "gaia-set-mixed" in ZONE_MODELS
 
 
-@pytest.mark.parametrize("folder", MODELS.values(), ids=MODELS)
+@pytest.mark.parametrize("folder", WINDOW_MODELS.values(), ids=WINDOW_MODELS)
 def test_a_model_is_small_and_its_card_is_that_of_its_description(folder: Path) -> None:
     assert sum(path.stat().st_size for path in folder.iterdir()) < 2e6
     assert (folder / CARD).read_text(encoding="utf-8") == model_card(read_description(folder))
 
 
-@pytest.mark.parametrize("folder", MODELS.values(), ids=MODELS)
+@pytest.mark.parametrize("folder", WINDOW_MODELS.values(), ids=WINDOW_MODELS)
 def test_onnx_is_the_network_of_the_weights(folder: Path) -> None:
     torch = pytest.importorskip("torch", reason="PyTorch is not installed")
     from gaia_uwb.learn.networks.make import make_network
@@ -52,7 +53,7 @@ def test_onnx_is_the_network_of_the_weights(folder: Path) -> None:
     network = make_network(n, description.network).eval()
     weights = read_weights(folder, description)
     network.load_state_dict({name: torch.from_numpy(value) for name, value in weights.items()})
-    features = make_features(episodes, n, description.normalisation)
+    features = make_window_inputs(episodes, n, description.normalisation)
     with torch.no_grad():
         expected = network(*map(torch.from_numpy, features)).distance.numpy()
     kind = description.network.kind
@@ -66,26 +67,26 @@ def test_onnx_is_the_network_of_the_weights(folder: Path) -> None:
         )
 
 
-@pytest.mark.parametrize("folder", SETS.values(), ids=SETS)
-def test_a_set_model_is_whole_and_small(folder: Path) -> None:
+@pytest.mark.parametrize("folder", ZONE_MODELS.values(), ids=ZONE_MODELS)
+def test_a_zone_model_is_whole_and_small(folder: Path) -> None:
     sizes = {path.name: path.stat().st_size for path in folder.iterdir()}
     assert max(sizes.values()) < 2e6
-    description = read_set_description(folder)
-    assert (folder / CARD).read_text(encoding="utf-8") == set_model_card(description)
+    description = read_description(folder)
+    assert (folder / CARD).read_text(encoding="utf-8") == model_card(description)
 
 
-@pytest.mark.parametrize("folder", SETS.values(), ids=SETS)
-def test_the_set_models_onnx_is_the_network_of_its_weights(folder: Path) -> None:
+@pytest.mark.parametrize("folder", ZONE_MODELS.values(), ids=ZONE_MODELS)
+def test_the_zone_models_onnx_is_the_network_of_its_weights(folder: Path) -> None:
     torch = pytest.importorskip("torch", reason="PyTorch is not installed")
     from gaia_uwb.learn.networks.gaia_set import GaiaSet
 
-    description = read_set_description(folder)
+    description = read_description(folder)
     network = GaiaSet(description.network).eval()
     weights = read_weights(folder, description)
     network.load_state_dict({name: torch.from_numpy(value) for name, value in weights.items()})
     denoiser = make_denoiser(f"gaia-set:{folder}")
     for episode in simulate_episodes(find_preset("wild-test"), 5, seed=1):
-        inputs, frame = zone_inputs(zone_readings([episode]))
+        inputs, frame = make_zone_inputs(zone_readings([episode]))
         with torch.no_grad():
             expected = network(*map(torch.from_numpy, inputs))
         (found,) = denoiser([episode])

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gaia_uwb._shared.errors import InputError
-from gaia_uwb.models.description import Normalisation
-from gaia_uwb.models.window_inputs import blend, make_features, make_targets, window_starts
+from gaia_uwb.models.domain import Normalisation
+from gaia_uwb.models.window_inputs import blend, make_window_inputs, window_starts, window_targets
 from tiny_models import make_run
 
 NORMALISATION = Normalisation(origin_east_m=3.0, origin_north_m=-4.0, scale_m=12.5)
@@ -17,7 +17,7 @@ NORMALISATION = Normalisation(origin_east_m=3.0, origin_north_m=-4.0, scale_m=12
 
 def test_features_turn_back_into_the_episode() -> None:
     run = make_run(0, n_steps=20, missing=0.3)
-    features = make_features([run], 5, NORMALISATION)
+    features = make_window_inputs([run], 5, NORMALISATION)
     assert [part.dtype for part in features] == [np.float32] * 4
     np.testing.assert_allclose(features.position[0] * 12.5 + [3.0, -4.0], run.position_m, atol=1e-5)
     valid = features.mask[0, :, :3] == 1
@@ -30,7 +30,7 @@ def test_features_turn_back_into_the_episode() -> None:
 
 def test_missing_ranges_and_channels_without_an_anchor_are_zero() -> None:
     runs = [make_run(0, n_anchors=2, missing=0.4), make_run(1, n_anchors=4, missing=0.4)]
-    features = make_features(runs, 5, NORMALISATION)
+    features = make_window_inputs(runs, 5, NORMALISATION)
     assert (features.distance[features.mask == 0] == 0).all()
     assert (features.distance[features.mask == 1] > 0).all()
     for values in (features.mask, features.distance, features.height_gap):
@@ -41,14 +41,14 @@ def test_missing_ranges_and_channels_without_an_anchor_are_zero() -> None:
 def test_unknown_heights_are_level() -> None:
     run = make_run(0)
     unknown = replace(run, anchor_up_m=np.array([1.0, np.nan, 0.5]))
-    gap = make_features([unknown], 3, NORMALISATION).height_gap[0, 0] * 12.5
+    gap = make_window_inputs([unknown], 3, NORMALISATION).height_gap[0, 0] * 12.5
     np.testing.assert_allclose(gap, [1.0, 0.0, 1.5], atol=1e-6)
-    assert not make_features([replace(run, tag_up_m=None)], 3, NORMALISATION).height_gap.any()
+    assert not make_window_inputs([replace(run, tag_up_m=None)], 3, NORMALISATION).height_gap.any()
 
 
 def test_targets_are_the_truth_in_the_networks_channels() -> None:
     run = make_run(2)
-    targets = make_targets([run], 4, NORMALISATION)
+    targets = window_targets([run], 4, NORMALISATION)
     assert run.truth is not None
     np.testing.assert_allclose(targets.range_m[0, :, :3], run.truth.range_m, atol=1e-5)
     np.testing.assert_array_equal(targets.nlos[0, :, :3], run.truth.nlos)
@@ -60,10 +60,10 @@ def test_targets_are_the_truth_in_the_networks_channels() -> None:
 
 def test_what_a_network_cannot_take_is_refused_in_one_line() -> None:
     with pytest.raises(InputError) as caught:
-        make_features([make_run(7)], 2, NORMALISATION)
+        make_window_inputs([make_run(7)], 2, NORMALISATION)
     assert str(caught.value) == "run-7: the model has channels for 2 anchors, this log has 3"
     with pytest.raises(InputError, match=r"run-7: expected true ranges to train on, got none"):
-        make_targets([make_run(7).without_truth()], 3, NORMALISATION)
+        window_targets([make_run(7).without_truth()], 3, NORMALISATION)
 
 
 @given(n_steps=st.integers(1, 400), length=st.integers(1, 80))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gaia_uwb.episode import Episode
-from gaia_uwb.models.zone_inputs import zone_inputs, zone_readings
+from gaia_uwb.models.zone_inputs import make_zone_inputs, zone_readings
 from gaia_uwb.simulate import find_preset, simulate_episodes
 
 
@@ -25,16 +25,16 @@ def moved(episode: Episode, *, mirror: bool = False) -> Episode:
 
 def test_nothing_of_place_and_direction_is_left() -> None:
     made = episodes()
-    here, _ = zone_inputs(zone_readings(made))
-    there, _ = zone_inputs(zone_readings([moved(episode) for episode in made]))
+    here, _ = make_zone_inputs(zone_readings(made))
+    there, _ = make_zone_inputs(zone_readings([moved(episode) for episode in made]))
     for name, a, b in zip(here._fields, here, there, strict=True):
         np.testing.assert_allclose(b, a, rtol=1e-4, atol=2e-3, err_msg=name)
 
 
 def test_a_mirrored_scene_swaps_left_and_right_and_nothing_else() -> None:
     made = episodes()
-    here, _ = zone_inputs(zone_readings(made))
-    there, _ = zone_inputs(zone_readings([moved(episode, mirror=True) for episode in made]))
+    here, _ = make_zone_inputs(zone_readings(made))
+    there, _ = make_zone_inputs(zone_readings([moved(episode, mirror=True) for episode in made]))
     flip = np.array([1.0, -1.0])
     np.testing.assert_allclose(there.start, here.start[:, :, ::-1] * flip, rtol=1e-4, atol=2e-3)
     np.testing.assert_allclose(there.fit, here.fit[:, :, ::-1], rtol=1e-4, atol=5e-3)
@@ -50,7 +50,7 @@ def test_one_of_both_places_is_the_true_one_where_ranges_are_good() -> None:
     )
     (episode,) = simulate_episodes(config.model_copy(update={"ranging": ranging}), 1, seed=4)
     assert episode.truth is not None
-    inputs, frame = zone_inputs(zone_readings([episode]))
+    inputs, frame = make_zone_inputs(zone_readings([episode]))
     start_m = frame.leave(inputs.start.reshape(1, -1, 2).astype(float)).reshape(-1, 2, 2)
     error_m = np.linalg.norm(start_m - episode.truth.anchor_m[:, None], axis=-1).min(axis=1)
     assert np.median(error_m) < 0.1
@@ -59,9 +59,9 @@ def test_one_of_both_places_is_the_true_one_where_ranges_are_good() -> None:
 
 def test_an_episode_gives_what_it_gives_alone() -> None:
     made = episodes()
-    together, _ = zone_inputs(zone_readings(made))
+    together, _ = make_zone_inputs(zone_readings(made))
     for k, episode in enumerate(made):
-        alone, _ = zone_inputs(zone_readings([episode]))
+        alone, _ = make_zone_inputs(zone_readings([episode]))
         for name, a, b in zip(alone._fields, alone, together, strict=True):
             np.testing.assert_allclose(b[k], a[0], rtol=1e-5, atol=1e-5, err_msg=name)
 
@@ -77,7 +77,7 @@ def test_anchors_of_unknown_height_and_without_ranges_are_taken() -> None:
         tag_up_m=None,
         anchor_up_m=None,
     )
-    inputs, _ = zone_inputs(zone_readings([bare]))
+    inputs, _ = make_zone_inputs(zone_readings([bare]))
     for name, values in inputs._asdict().items():
         assert np.isfinite(values).all(), name
     assert (inputs.height_gap == 0).all()

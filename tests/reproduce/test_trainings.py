@@ -76,7 +76,7 @@ def test_a_training_that_was_stopped_goes_on_to_the_same_weights(
 ) -> None:
     from gaia_uwb.learn import window_training as module
 
-    plan, real = replace(TINY, epochs=2), module.train
+    plan, real = replace(TINY, epochs=2), module.train_window
     recipe = plan.recipe(KINDS["mlp"], 0)
     stopped, whole = (
         stress_training(tmp_path / name / "models", "mlp", recipe, "1.2.3")
@@ -92,13 +92,13 @@ def test_a_training_that_was_stopped_goes_on_to_the_same_weights(
 
         return real(task, folder, base=base, progress=once)
 
-    monkeypatch.setattr(module, "train", stop_after_one)
+    monkeypatch.setattr(module, "train_window", stop_after_one)
     with pytest.raises(KeyboardInterrupt):
         train_model(stopped)
     stamp = read_stamp(stopped.place)
     assert stamp is not None
     assert stamp["done"] is False
-    monkeypatch.setattr(module, "train", real)
+    monkeypatch.setattr(module, "train_window", real)
     assert train_model(stopped) is True
     assert len((stopped.place / "training-log.jsonl").read_text().splitlines()) == 2
     train_model(whole)

@@ -14,7 +14,10 @@ from gaia_uwb.cli.options import DataDirOption, require_torch, version
 from gaia_uwb.cli.terminal import progress_bar, track
 
 if TYPE_CHECKING:
-    from gaia_uwb.learn import LearningSets, Recipe
+    from rich.progress import Progress as ProgressBar
+
+    from gaia_uwb.learn import Progress, Recipe, WindowSets
+    from gaia_uwb.models import WindowModel, ZoneModel
 
 
 class Network(StrEnum):
@@ -73,10 +76,9 @@ def train(
     require_torch()
     if network is Network.GAIA_SET:
         others = {"--split": split != "all", "--base": base, "--recipe": recipe}
-        _train_set(data, out, seed, portions, [name for name, given in others.items() if given])
+        _train_zone(data, out, seed, portions, [name for name, given in others.items() if given])
         return
-    from gaia_uwb.learn import Task
-    from gaia_uwb.learn import train as run
+    from gaia_uwb.learn import WindowTask, train_window
 
     chosen = make_recipe(KINDS[network.value], simulated=data.startswith("sim:")).with_seed(seed)
     sets_options = chosen.sets.model_copy(update={"preparation": preparation.value})
@@ -84,49 +86,51 @@ def train(
     if recipe is not None:
         chosen = load_recipe(recipe, chosen)
     folder = OutputFolder(out)
-    sets = _learning_sets(data, split, chosen, data_dir)
+    sets = _window_sets(data, split, chosen, data_dir)
+    task = WindowTask(chosen.network, chosen.training, version(), sets)
     with progress_bar() as progress:
-
-        def each(epochs: Iterable[int], name: str, done: int) -> Iterator[int]:
-            left = list(epochs)
-            if done:
-                sys.stderr.write(f"{name}: goes on after {done} epochs\n")
-            yield from track(progress, left, f"train {name}")
-
-        task = Task(chosen.network, chosen.training, sets, version())
-        found = run(task, folder, base=base, progress=each)
-    for name, value in found.metrics.items():
-        typer.echo(f"  {name}: {value:.4g}")
-    typer.echo(f"wrote {out}; use it with: gaia reconstruct SOURCE --denoiser {network}:{out}")
+        found = train_window(task, folder, base=base, progress=_watched(progress, "epochs"))
+    _tell(found, out)
 
 
-def _train_set(
+def _train_zone(
     data: str, out: Path, seed: int, portions: int | None, strange: Sequence[str]
 ) -> None:
     """Train ``gaia-set``, which has one mixture of simulated scenes and no splits."""
     from gaia_uwb._shared import ConfigError, OutputFolder
-    from gaia_uwb.learn import SetTask, train_set
-    from gaia_uwb.models import GaiaSetOptions, SetTrainingOptions
+    from gaia_uwb.learn import ZoneTask, train_zone
+    from gaia_uwb.models import GaiaSetArchitecture, ZoneTrainingOptions
 
     if data != "sim:mixed" or strange:
         what = ", ".join(strange) or f"--data {data}"
         raise ConfigError(f"{what}: gaia-set is trained on sim:mixed, as a whole")
     sizes = {"seed": seed} | ({} if portions is None else {"portions": portions})
-    task = SetTask(GaiaSetOptions(), SetTrainingOptions.model_validate(sizes), version())
+    task = ZoneTask(GaiaSetArchitecture(), ZoneTrainingOptions.model_validate(sizes), version())
     with progress_bar() as progress:
+        found = train_zone(task, OutputFolder(out), progress=_watched(progress, "portions"))
+    _tell(found, out)
 
-        def each(left: Iterable[int], done: int) -> Iterator[int]:
-            if done:
-                sys.stderr.write(f"gaia-set: goes on after {done} portions\n")
-            yield from track(progress, list(left), "train gaia-set")
 
-        found = train_set(task, OutputFolder(out), progress=each)
+def _watched(progress: ProgressBar, steps: str) -> Progress:
+    """Return what shows the steps of trainings, and says where one goes on."""
+
+    def each(left: Iterable[int], name: str, done: int) -> Iterator[int]:
+        if done:
+            sys.stderr.write(f"{name}: goes on after {done} {steps}\n")
+        yield from track(progress, list(left), f"train {name}")
+
+    return each
+
+
+def _tell(found: WindowModel | ZoneModel, out: Path) -> None:
+    """Print a model's scores, and how it is used."""
     for name, value in found.metrics.items():
         typer.echo(f"  {name}: {value:.4g}")
-    typer.echo(f"wrote {out}; use it with: gaia reconstruct SOURCE --denoiser gaia-set:{out}")
+    denoiser = f"{found.network.kind}:{out}"
+    typer.echo(f"wrote {out}; use it with: gaia reconstruct SOURCE --denoiser {denoiser}")
 
 
-def _learning_sets(data: str, split: str, recipe: Recipe, data_dir: Path | None) -> LearningSets:
+def _window_sets(data: str, split: str, recipe: Recipe, data_dir: Path | None) -> WindowSets:
     """Return what to train on."""
     from gaia_uwb._shared import ConfigError
     from gaia_uwb.api import load_scenes

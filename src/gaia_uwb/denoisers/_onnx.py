@@ -1,14 +1,94 @@
-"""Start ONNX Runtime on a model's file."""
+"""Trained networks in ONNX Runtime: which model, and how it is started."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pydantic import Field
+
 from gaia_uwb._shared import ConfigError
+from gaia_uwb.denoisers._base import Options
+from gaia_uwb.models import (
+    ONNX,
+    Model,
+    WindowModel,
+    ZoneModel,
+    find_model,
+    read_description,
+    read_file,
+)
 
 if TYPE_CHECKING:
     import onnxruntime
+
+
+class TrainedOptions(Options):
+    """Options of the trained networks."""
+
+    model: str = Field(default="stress", min_length=1)
+    """What it was trained on, for a model inside the package (``stress``, ``outdoor-uwb``); or a
+    folder that ``gaia train`` wrote."""
+
+
+def find_trained(kind: str, model: str, family: type[Model]) -> tuple[Path, Model]:
+    """Return a model's folder, and what it is.
+
+    Parameters
+    ----------
+    kind
+        Of the network.
+    model
+        Like ``TrainedOptions.model``.
+    family
+        The class of its description.
+
+    Raises
+    ------
+    ConfigError
+        If the model is missing, damaged or of another kind.
+    """
+    folder = find_model(kind, model)
+    found = read_description(folder)
+    if not isinstance(found, family) or found.network.kind != kind:
+        raise ConfigError(f"{folder}: expected a model of kind {kind}, got {found.network.kind}")
+    return folder, found
+
+
+def start_network(
+    folder: Path, description: WindowModel | ZoneModel, inputs: Mapping[str, int | None]
+) -> onnxruntime.InferenceSession:
+    """Return a session that runs a model's network; the same one as long as its file is the same.
+
+    Parameters
+    ----------
+    folder
+        Holds the model's files.
+    description
+        Of the model.
+    inputs
+        Names of the network's inputs, each with the length of its last axis; None where any will
+        do.
+
+    Raises
+    ------
+    ConfigError
+        If the network is missing or damaged, cannot be run, or has other inputs.
+    """
+    source = str(folder / ONNX)
+    session = _kept_session(read_file(folder, ONNX, description), source)
+    found = {part.name: part.shape[-1] for part in session.get_inputs()}
+    if found.keys() != inputs.keys() or any(inputs[k] not in (None, found[k]) for k in found):
+        raise ConfigError(f"{source}: cannot run this model: expected the inputs {dict(inputs)}")
+    return session
+
+
+@lru_cache(maxsize=8)
+def _kept_session(content: bytes, source: str) -> onnxruntime.InferenceSession:
+    return start_session(content, source)
 
 
 def start_session(content: bytes, source: str) -> onnxruntime.InferenceSession:

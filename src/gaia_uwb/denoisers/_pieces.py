@@ -19,7 +19,7 @@ import numpy as np
 from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.denoised import DenoisedRanges, ZonePosterior
 from gaia_uwb.episode import Episode
-from gaia_uwb.models import SET_FARTHEST_M, SET_LONGEST_STEPS, SET_MOST_ANCHORS
+from gaia_uwb.models import ZONE_FARTHEST_M, ZONE_LONGEST_STEPS, ZONE_MOST_ANCHORS
 
 _SURE = 2.0  # log odds of a side from which on a section may contradict another
 
@@ -75,12 +75,12 @@ def sections(episode: Episode) -> list[slice]:
 
     def end(start: int) -> tuple[int, bool]:
         """Return where a section must stop, and whether it is the metres that say so."""
-        by_steps = min(start + SET_LONGEST_STEPS, episode.n_steps)
-        for length_m in (2.0 * SET_FARTHEST_M, SET_FARTHEST_M):
+        by_steps = min(start + ZONE_LONGEST_STEPS, episode.n_steps)
+        for length_m in (2.0 * ZONE_FARTHEST_M, ZONE_FARTHEST_M):
             far = int(np.searchsorted(driven_m, driven_m[start] + length_m, side="right"))
             stop = min(max(far, start + 2), by_steps)
             off_m = episode.position_m[start:stop] - episode.position_m[start:stop].mean(axis=0)
-            if np.hypot(off_m[:, 0], off_m[:, 1]).max() <= SET_FARTHEST_M:
+            if np.hypot(off_m[:, 0], off_m[:, 1]).max() <= ZONE_FARTHEST_M:
                 break  # else it was driven unevenly, and its middle is near one end
         return stop, far < by_steps
 
@@ -118,7 +118,7 @@ def pieces_of(episode: Episode) -> list[Piece]:
     for s, part in enumerate(parts):
         heard = np.flatnonzero(n_ranges[s])
         heard = heard[np.argsort(when[heard], kind="stable")]
-        count = math.ceil(len(heard) / SET_MOST_ANCHORS)
+        count = math.ceil(len(heard) / ZONE_MOST_ANCHORS)
         for group in np.array_split(heard, count) if count else ():
             columns = np.sort(group)
             found.append(Piece(part, columns, np.asarray(main[columns] == s)))

@@ -1,43 +1,36 @@
 """``gaia-set``: the network for work zones that it has never seen, run by ONNX Runtime.
 
 Beside ranges it says where all anchors stand and on which sides. It takes a drive as a whole, from
-the first range to the last; what is longer than ``SET_LONGEST_STEPS``, reaches farther than
-``SET_FARTHEST_M`` from the middle of the path, or has more than ``SET_MOST_ANCHORS`` anchors, goes
-through it in pieces (``_pieces.py``).
+the first range to the last; what is longer than ``ZONE_LONGEST_STEPS``, reaches farther than
+``ZONE_FARTHEST_M`` from the middle of the path, or has more than ``ZONE_MOST_ANCHORS`` anchors,
+goes through it in pieces (``_pieces.py``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from gaia_uwb._shared import Array, ConfigError, Float64
+from gaia_uwb._shared import Array, Float64
 from gaia_uwb.denoised import DenoisedRanges, ZonePosterior
 from gaia_uwb.denoisers._base import Denoiser, Options
-from gaia_uwb.denoisers._onnx import start_session
+from gaia_uwb.denoisers._onnx import TrainedOptions, find_trained, start_network
 from gaia_uwb.denoisers._pieces import pieces_of, put_together
 from gaia_uwb.episode import Episode
 from gaia_uwb.models import (
-    ONNX,
-    SET_FARTHEST_M,
-    SET_LONGEST_STEPS,
-    SET_MOST_ANCHORS,
+    ZONE_FARTHEST_M,
+    ZONE_LONGEST_STEPS,
+    ZONE_MOST_ANCHORS,
     PathFrame,
     ZoneInputs,
-    find_model,
-    read_file,
-    read_set_description,
-    zone_inputs,
+    ZoneModel,
+    make_zone_inputs,
     zone_readings,
 )
-
-if TYPE_CHECKING:
-    import onnxruntime
 
 _OUTPUTS = ("denoised_range", "log_sigma", "place", "information", "scene_logit", "side_logit")
 _SHORT = 512  # steps of what is taken as it is, not from the first range to the last
@@ -47,15 +40,14 @@ _LEAST_STEPS = 3  # fewer have no path
 _LEAST_RANGES = 4  # an anchor with fewer cannot be located, and keeps its measured ranges
 
 
-class NeuralSetOptions(Options):
+class ZoneOptions(TrainedOptions):
     """Options of ``gaia-set``."""
 
     model: str = Field(default="mixed", min_length=1)
-    """What it was trained on, for a model inside the package (``mixed``); or a folder that
-    ``gaia train`` wrote."""
+    """Like that of the other networks; inside the package there is ``mixed``."""
 
 
-class NeuralGaiaSet(Denoiser):
+class ZoneNetwork(Denoiser):
     """The trained network.
 
     Parameters
@@ -69,17 +61,16 @@ class NeuralGaiaSet(Denoiser):
         If the model is missing, damaged or of another kind.
     """
 
-    Options: ClassVar[type[Options]] = NeuralSetOptions
+    Options: ClassVar[type[Options]] = ZoneOptions
     uses_pose: ClassVar[bool] = True
     locates: ClassVar[bool] = True
-    options: NeuralSetOptions
+    options: TrainedOptions
 
-    def __init__(self, options: NeuralSetOptions) -> None:
+    def __init__(self, options: TrainedOptions) -> None:
         super().__init__(options)
-        folder = find_model("gaia-set", options.model)
-        self.description = read_set_description(folder)
-        content = read_file(folder, ONNX, self.description)
-        self._session = _session(content, str(folder / ONNX))
+        folder, self.description = find_trained("gaia-set", options.model, ZoneModel)
+        sizes = dict.fromkeys(ZoneInputs._fields)
+        self._session = start_network(folder, self.description, sizes)
 
     def __call__(self, episodes: Sequence[Episode]) -> list[DenoisedRanges]:
         """Denoise and locate; see the base class. ``zone`` holds the places."""
@@ -105,7 +96,7 @@ class NeuralGaiaSet(Denoiser):
 
     def _run(self, episodes: Sequence[Episode]) -> list[DenoisedRanges]:
         """Denoise episodes of one number of steps and of anchors."""
-        inputs, frame = zone_inputs(zone_readings(episodes))
+        inputs, frame = make_zone_inputs(zone_readings(episodes))
         feed = dict(zip(ZoneInputs._fields, inputs, strict=True))
         values = self._session.run(list(_OUTPUTS), feed)
         output = {
@@ -161,12 +152,12 @@ class NeuralGaiaSet(Denoiser):
 
 def _too_much(episode: Episode) -> bool:
     """Tell whether an episode cannot be taken as a whole."""
-    if episode.n_steps > SET_LONGEST_STEPS or episode.n_anchors > SET_MOST_ANCHORS:
+    if episode.n_steps > ZONE_LONGEST_STEPS or episode.n_anchors > ZONE_MOST_ANCHORS:
         return True
     nearest = np.where(episode.valid, episode.range_m, np.inf).argmin(axis=0)
     passed_m = episode.position_m[nearest[episode.valid.any(axis=0)]]
     off_m = passed_m - episode.position_m.mean(axis=0)
-    return bool((np.hypot(off_m[:, 0], off_m[:, 1]) > SET_FARTHEST_M).any())
+    return bool((np.hypot(off_m[:, 0], off_m[:, 1]) > ZONE_FARTHEST_M).any())
 
 
 def _heard(episode: Episode) -> slice:
@@ -200,14 +191,3 @@ def _inverse(information: Float64[Array, "*shape 3"]) -> Float64[Array, "*shape 
 
 def _probability(logit: Float64[Array, "*shape"]) -> Float64[Array, "*shape"]:
     return np.asarray(1.0 / (1.0 + np.exp(-np.clip(logit, -50.0, 50.0))))
-
-
-@lru_cache(maxsize=4)
-def _session(content: bytes, source: str) -> onnxruntime.InferenceSession:
-    """Load a network from its file's content; once, as long as that stays the same."""
-    session = start_session(content, source)
-    names = {part.name for part in session.get_inputs()}
-    if names != set(ZoneInputs._fields):
-        expected: Any = ZoneInputs._fields
-        raise ConfigError(f"{source}: cannot run this model: expected the inputs {expected}")
-    return session

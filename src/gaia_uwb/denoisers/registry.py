@@ -33,10 +33,10 @@ DENOISERS: dict[str, str] = {
     "median": "gaia_uwb.denoisers.median:Median",
     "kalman": "gaia_uwb.denoisers.kalman:Kalman",
     "pose-kalman": "gaia_uwb.denoisers.pose_kalman:PoseKalman",
-    "mlp": "gaia_uwb.denoisers.neural:NeuralMlp",
-    "pose-mlp": "gaia_uwb.denoisers.neural:NeuralPoseMlp",
-    "gaia": "gaia_uwb.denoisers.neural:NeuralGaia",
-    "gaia-set": "gaia_uwb.denoisers.gaia_set:NeuralGaiaSet",
+    "mlp": "gaia_uwb.denoisers.window_networks:WindowMlp",
+    "pose-mlp": "gaia_uwb.denoisers.window_networks:WindowPoseMlp",
+    "gaia": "gaia_uwb.denoisers.window_networks:WindowGaia",
+    "gaia-set": "gaia_uwb.denoisers.gaia_set:ZoneNetwork",
 }
 
 

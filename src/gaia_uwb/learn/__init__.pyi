@@ -1,3 +1,4 @@
+from .loop import Progress as Progress
 from .loss_plots import plot_losses as plot_losses
 from .networks.gaia import Gaia as Gaia
 from .networks.make import make_network as make_network
@@ -8,15 +9,15 @@ from .recipes import load_recipe as load_recipe
 from .recipes import make_recipe as make_recipe
 from .training_folder import LOG as LOG
 from .training_folder import STATE as STATE
-from .window_sets import LearningSetOptions as LearningSetOptions
-from .window_sets import LearningSets as LearningSets
+from .window_sets import WindowSetOptions as WindowSetOptions
+from .window_sets import WindowSets as WindowSets
 from .window_sets import held_out as held_out
 from .window_sets import logged_sets as logged_sets
 from .window_sets import n_folds as n_folds
 from .window_sets import preparation_config as preparation_config
 from .window_sets import prepare_runs as prepare_runs
 from .window_sets import simulated_sets as simulated_sets
-from .window_training import Task as Task
-from .window_training import train as train
-from .zone_training import SetTask as SetTask
-from .zone_training import train_set as train_set
+from .window_training import WindowTask as WindowTask
+from .window_training import train_window as train_window
+from .zone_training import ZoneTask as ZoneTask
+from .zone_training import train_zone as train_zone

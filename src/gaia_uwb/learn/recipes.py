@@ -12,28 +12,28 @@ from pydantic import Field, ValidationError
 
 from gaia_uwb._shared import ConfigError, read_yaml, shown
 from gaia_uwb.config import Settings, settings_problems
-from gaia_uwb.learn.window_sets import LearningSetOptions
+from gaia_uwb.learn.window_sets import WindowSetOptions
 from gaia_uwb.models import (
-    GaiaOptions,
-    MlpOptions,
-    NetworkOptions,
-    PoseMlpOptions,
-    TrainingOptions,
-    per_step,
+    GaiaArchitecture,
+    MlpArchitecture,
+    PoseMlpArchitecture,
+    WindowArchitecture,
+    WindowTrainingOptions,
+    base_training,
 )
 
-KINDS: dict[str, NetworkOptions] = {
-    "mlp": MlpOptions(),
-    "pose-mlp": PoseMlpOptions(),
-    "gaia": GaiaOptions(),
+KINDS: dict[str, WindowArchitecture] = {
+    "mlp": MlpArchitecture(),
+    "pose-mlp": PoseMlpArchitecture(),
+    "gaia": GaiaArchitecture(),
 }
 """Networks that can be trained, with their sizes."""
 
-ABLATIONS: dict[str, NetworkOptions] = {
-    "gaia": GaiaOptions(),
-    "without-layout-head": GaiaOptions(layout_head=False, geo_dist=False),
-    "without-geo-dist": GaiaOptions(geo_dist=False),
-    "unfrozen-base": GaiaOptions(train_base=True),
+ABLATIONS: dict[str, WindowArchitecture] = {
+    "gaia": GaiaArchitecture(),
+    "without-layout-head": GaiaArchitecture(layout_head=False, geo_dist=False),
+    "without-geo-dist": GaiaArchitecture(geo_dist=False),
+    "unfrozen-base": GaiaArchitecture(train_base=True),
 }
 """The paper's ablations, beside the whole network."""
 
@@ -41,9 +41,9 @@ ABLATIONS: dict[str, NetworkOptions] = {
 class Recipe(Settings):
     """All that a training depends on besides its data's source."""
 
-    network: Annotated[NetworkOptions, Field(discriminator="kind")]
-    training: TrainingOptions
-    sets: LearningSetOptions
+    network: Annotated[WindowArchitecture, Field(discriminator="kind")]
+    training: WindowTrainingOptions
+    sets: WindowSetOptions
 
     def with_seed(self, seed: int) -> Recipe:
         """Return the recipe with another seed.
@@ -57,7 +57,7 @@ class Recipe(Settings):
         return self.model_copy(update={"training": training})
 
 
-def make_recipe(network: NetworkOptions, *, simulated: bool) -> Recipe:
+def make_recipe(network: WindowArchitecture, *, simulated: bool) -> Recipe:
     """Return how a network is trained.
 
     Parameters
@@ -68,10 +68,10 @@ def make_recipe(network: NetworkOptions, *, simulated: bool) -> Recipe:
         Whether on the simulator's episodes, or on the few windows of logs.
     """
     if simulated:
-        training = TrainingOptions(epochs=20)
+        training = WindowTrainingOptions(epochs=20)
     else:
         # Few windows, and layouts that can be learned by heart.
-        training = TrainingOptions(
+        training = WindowTrainingOptions(
             epochs=45,
             patience=90,
             batch_size=32,
@@ -80,9 +80,9 @@ def make_recipe(network: NetworkOptions, *, simulated: bool) -> Recipe:
             anchor_weight=0.1,
             outlier_share=0.03,
         )
-    if not isinstance(network, GaiaOptions):
-        training = per_step(training)
-    return Recipe(network=network, training=training, sets=LearningSetOptions())
+    if not isinstance(network, GaiaArchitecture):
+        training = base_training(training)
+    return Recipe(network=network, training=training, sets=WindowSetOptions())
 
 
 def load_recipe(path: Path, default: Recipe) -> Recipe:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,26 +18,12 @@ from torch import Tensor
 
 from gaia_uwb._shared import ConfigError, OutputFolder, figure_png
 from gaia_uwb.learn.loss_plots import plot_losses
-from gaia_uwb.models import (
-    CARD,
-    DESCRIPTION,
-    ONNX,
-    WEIGHTS,
-    ModelDescription,
-    SetModelDescription,
-    model_card,
-    pack,
-    seal,
-    set_model_card,
-    unpack,
-)
+from gaia_uwb.models import CARD, DESCRIPTION, ONNX, WEIGHTS, Model, model_card, pack, seal, unpack
 
 STATE = "training-state.safetensors"
 LOG = "training-log.jsonl"
 CURVES = "loss-curves.png"
 _FORMAT = 2  # of the state
-
-Description = TypeVar("Description", ModelDescription, SetModelDescription)
 
 
 class Means:
@@ -171,11 +157,12 @@ def read_state(folder: OutputFolder, key: str) -> State | None:
 
 def write_model(
     folder: OutputFolder,
-    description: Description,
+    description: Model,
     weights: Mapping[str, Tensor],
     onnx: bytes,
     log: Sequence[Mapping[str, Any]],
-) -> Description:
+    unit: str,
+) -> Model:
     """Write a trained model with all that belongs to it, and return its sealed description.
 
     Parameters
@@ -190,16 +177,14 @@ def write_model(
         The network as ONNX Runtime reads it.
     log
         A line per step of the training.
+    unit
+        What a step is called.
     """
     packed = pack({name: value.cpu().numpy() for name, value in weights.items()})
     sealed = seal(description, {WEIGHTS: packed, ONNX: onnx})
-    if isinstance(sealed, SetModelDescription):
-        step, card = "portion", set_model_card(sealed)
-    else:
-        step, card = "epoch", model_card(sealed)
     folder.write_bytes(WEIGHTS, packed)
     folder.write_bytes(ONNX, onnx)
-    folder.write_bytes(CURVES, figure_png(plot_losses(log, step)))
-    folder.write_text(CARD, card)
+    folder.write_bytes(CURVES, figure_png(plot_losses(log, unit)))
+    folder.write_text(CARD, model_card(sealed))
     folder.write_text(DESCRIPTION, sealed.model_dump_json(by_alias=True, indent=2) + "\n")
     return sealed

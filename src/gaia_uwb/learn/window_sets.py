@@ -38,7 +38,7 @@ PUBLISHED = PipelineConfig(
 """Data as the paper seems to have used them: nearest sample, no clock correction, no gate."""
 
 
-class LearningSetOptions(Settings):
+class WindowSetOptions(Settings):
     """How the sets are made."""
 
     preparation: Literal["aligned", "published"] = "aligned"
@@ -54,7 +54,7 @@ class LearningSetOptions(Settings):
 
 
 @dataclass(frozen=True)
-class LearningSets:
+class WindowSets:
     """Episodes of equally many steps, each with its truth.
 
     Parameters
@@ -80,14 +80,14 @@ def preparation_config(name: str) -> PipelineConfig:
     Parameters
     ----------
     name
-        As in :class:`LearningSetOptions`.
+        As in :class:`WindowSetOptions`.
     """
     return PUBLISHED if name == "published" else PipelineConfig()
 
 
 def simulated_sets(
-    preset: str, options: LearningSetOptions, *, n_test: int = 0, test_seed: int = 0
-) -> LearningSets:
+    preset: str, options: WindowSetOptions, *, n_test: int = 0, test_seed: int = 0
+) -> WindowSets:
     """Simulate the three sets.
 
     Parameters
@@ -109,7 +109,7 @@ def simulated_sets(
     training = find_preset(f"{preset}-training")
     held_out = find_preset(f"{preset}-test")
     test = tuple(simulate_episodes(held_out, n_test, test_seed))
-    return LearningSets(
+    return WindowSets(
         training=tuple(simulate_episodes(training, options.n_training, _TRAINING_SEED)),
         validation=tuple(simulate_episodes(training, options.n_validation, _VALIDATION_SEED)),
         test=test,
@@ -123,7 +123,7 @@ def simulated_sets(
     )
 
 
-def prepare_runs(scenes: Sequence[Scene], options: LearningSetOptions) -> list[Episode]:
+def prepare_runs(scenes: Sequence[Scene], options: WindowSetOptions) -> list[Episode]:
     """Prepare logs, each as a whole.
 
     Parameters
@@ -138,8 +138,8 @@ def prepare_runs(scenes: Sequence[Scene], options: LearningSetOptions) -> list[E
 
 
 def logged_sets(
-    runs: Sequence[Episode], source: str, split: str, options: LearningSetOptions
-) -> LearningSets:
+    runs: Sequence[Episode], source: str, split: str, options: WindowSetOptions
+) -> WindowSets:
     """Cut logs with surveyed anchors into the three sets.
 
     Parameters
@@ -175,7 +175,7 @@ def logged_sets(
     def cut(chosen: Sequence[tuple[int, int]]) -> tuple[Episode, ...]:
         return tuple(runs[run].window(start, start + steps) for run, start in chosen)
 
-    return LearningSets(
+    return WindowSets(
         training=cut(training),
         validation=cut(kept),
         test=cut(held),
@@ -291,7 +291,7 @@ def _training_windows(
     runs: Sequence[Episode],
     held_out: Sequence[tuple[int, int]],
     excluded: set[int],
-    options: LearningSetOptions,
+    options: WindowSetOptions,
 ) -> list[tuple[int, int]]:
     """Return overlapping windows of the runs that touch none of those held out."""
     steps, chosen = options.window_steps, []

@@ -23,7 +23,7 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Float64, Int64
 from gaia_uwb.episode import bias_basis
-from gaia_uwb.models import ZoneInputs, ZoneReadings, zone_inputs
+from gaia_uwb.models import ZoneInputs, ZoneReadings, make_zone_inputs
 from gaia_uwb.simulate import EpisodeBlock, find_preset, simulate_blocks, simulate_roaming
 
 __all__ = ["MIX", "ZoneBatch", "training_portion", "validation_portion"]
@@ -169,7 +169,7 @@ def _batch(
         anchor_up_m=block.anchor_up_m[rows],
         calibrated=np.full(len(own), float(calibrated)),
     )
-    inputs, frame = zone_inputs(readings)
+    inputs, frame = make_zone_inputs(readings)
     return ZoneBatch(
         inputs=inputs,
         anchor_m=frame.enter(block.anchor_m[rows]),

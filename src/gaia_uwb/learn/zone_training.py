@@ -1,36 +1,30 @@
-"""Train ``gaia-set``: an endless stream of simulated scenes, one readable loop.
-
-After every portion the whole state is written. What a portion does depends only on the seed, its
-number and that state, so a training that was killed and started again ends with the same weights
-as one that was not, on the same machine and number of threads.
-"""
+"""Train ``gaia-set``: an endless stream of simulated scenes, every portion a new one."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from hashlib import sha256
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from gaia_uwb._shared import ConfigError, OutputFolder
+from gaia_uwb._shared import Array, OutputFolder
+from gaia_uwb.learn.loop import Progress, Task, Training, unwatched
 from gaia_uwb.learn.networks import (
     GaiaSet,
     ZoneTargets,
-    export_set_onnx,
+    export_zone,
     place_log_density,
     wrong_side_share,
-    zone_losses,
+    zone_loss_terms,
 )
-from gaia_uwb.learn.training_folder import Means, read_state, write_model, write_state
+from gaia_uwb.learn.training_folder import Means
 from gaia_uwb.learn.zone_sets import MIX, ZoneBatch, training_portion, validation_portion
-from gaia_uwb.models import GaiaSetOptions, SetModelDescription, SetTrainingOptions
+from gaia_uwb.models import GaiaSetArchitecture, ZoneModel, ZoneTrainingOptions
 
-__all__ = ["SetTask", "train_set"]
+__all__ = ["ZoneTask", "train_zone"]
 
 _LEAST_MATRIX = 16  # rows and columns of the smallest weights between layers; smaller are heads
 _MATRIX_DECAY = 0.01
@@ -39,35 +33,12 @@ _CHI2_90 = -2.0 * math.log(1 - _ELLIPSE_SHARE)  # with two degrees of freedom
 _CALIBRATED_ON = "wild"
 _CALIBRATED_STEPS = (64, 256, 1024)
 
-Progress = Callable[[Iterable[int], int], Iterable[int]]
-"""Goes through portions, given how many are done already."""
+ZoneTask: TypeAlias = Task[GaiaSetArchitecture, ZoneTrainingOptions]
 
 
-@dataclass(frozen=True)
-class SetTask:
-    """What to train, and how.
-
-    Parameters
-    ----------
-    network
-        Sizes.
-    training
-        How.
-    version
-        Of the package.
-    """
-
-    network: GaiaSetOptions
-    training: SetTrainingOptions
-    version: str
-
-
-def train_set(
-    task: SetTask,
-    folder: OutputFolder,
-    *,
-    progress: Progress = lambda portions, done: portions,
-) -> SetModelDescription:
+def train_zone(
+    task: ZoneTask, folder: OutputFolder, *, progress: Progress = unwatched
+) -> ZoneModel:
     """Train a network and write it with all that belongs to it; go on where a run was stopped.
 
     Parameters
@@ -85,15 +56,11 @@ def train_set(
         If the folder holds the state of another task, the loss grows beyond all numbers, or a file
         cannot be written.
     """
-    run = _Run(task, folder)
-    done = run.resume()
-    for portion in progress(range(done, task.training.portions), done):
-        run.portion(portion)
-    return run.finish()
+    return _ZoneTraining(task, folder).run(progress)
 
 
 def _optimisers(
-    network: nn.Module, options: SetTrainingOptions
+    network: nn.Module, options: ZoneTrainingOptions
 ) -> dict[str, torch.optim.Optimizer]:
     """Return the optimiser of the matrices between layers, and AdamW for all other weights.
 
@@ -121,85 +88,48 @@ def _optimisers(
     return optimisers
 
 
-class _Run:
-    """One training run: network, optimiser, and its files."""
+class _ZoneTraining(Training[ZoneModel]):
+    """The training of a ``gaia-set``; it ends with the last weights."""
 
-    def __init__(self, task: SetTask, folder: OutputFolder) -> None:
-        self.task, self.folder, self.options = task, folder, task.training
-        self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(self.options.seed)
-            self.network = GaiaSet(task.network)
+    unit: ClassVar[str] = "portion"
+    task: ZoneTask
+    options: ZoneTrainingOptions
+    network: GaiaSet
+
+    def start(self) -> None:
+        self.length = self.options.portions
+        self.network = GaiaSet(self.task.network)
         self.network.to(self.device)
         self.optimisers = _optimisers(self.network, self.options)
         self.validation = {
             kind: validation_portion(kind, self.options.validation_episodes) for kind in MIX
         }
-        self.steps = 0
-        self.log: list[dict[str, Any]] = []
-        self.key = self._key()
+        self.n_batches = 0
 
-    def portion(self, number: int) -> None:
-        """Go through new scenes once, validate, and write the state."""
-        batches = training_portion(self.options.seed, number, self.options.portion_episodes)
-        self.network.train()
-        trained, skipped = Means(), 0
-        for k, batch in enumerate(batches):
-            self._set_rate((number + k / len(batches)) / self.options.portions)
-            terms = self._losses(batch)
-            self.network.zero_grad(set_to_none=True)
-            terms["total"].backward()  # type: ignore[no-untyped-call]
-            norm = nn.utils.clip_grad_norm_(self.network.parameters(), self.options.gradient_norm)
-            self.steps += 1
-            if not bool(torch.isfinite(norm)):  # one degenerate scene must not end a training
-                skipped += 1
-                continue
-            for optimiser in self.optimisers.values():
-                optimiser.step()
-            trained.add(terms, batch.n_episodes)
-        validated = {kind: self._validate(own) for kind, own in self.validation.items()}
-        total = float(np.mean([terms["total"] for terms in validated.values()]))
-        if not math.isfinite(total):
-            raise ConfigError(
-                f"{self.folder.path}: the loss is {total} after portion {number}: lower the "
-                "learning rate"
-            )
-        self.log.append(
-            {
-                "epoch": number,
-                "steps": self.steps,
-                "skipped_steps": skipped,
-                "training": trained.values(),
-                "validation": {
-                    name: float(np.mean([terms[name] for terms in validated.values()]))
-                    for name in validated[next(iter(MIX))]
-                },
-                "kinds": validated,
-            }
+    def depends_on(self) -> tuple[list[str], Iterable[Array]]:
+        words = [self.task.network.model_dump_json(), self.options.model_dump_json(), str(MIX)]
+        batches = (batch for own in self.validation.values() for batch in own)
+        return words, (
+            values
+            for batch in batches
+            for values in (*batch.inputs, batch.anchor_m, batch.range_m, batch.nlos)
         )
-        self._write_state()
 
-    def _key(self) -> str:
-        """Return a checksum of all that the result depends on, the simulator's scenes as well."""
-        description = [
-            self.task.network.model_dump_json(), self.options.model_dump_json(), str(MIX)
-        ]  # fmt: skip
-        digest = sha256("\n".join(description).encode())
-        for batch in (batch for own in self.validation.values() for batch in own):
-            for values in (*batch.inputs, batch.anchor_m, batch.range_m, batch.nlos):
-                digest.update(np.ascontiguousarray(values).tobytes())
-        return digest.hexdigest()
+    def step(self, number: int) -> Iterator[tuple[dict[str, Tensor], int]]:
+        batches = training_portion(self.options.seed, number, self.options.portion_episodes)
+        self.n_batches = self.log[-1]["steps"] if self.log else 0
+        for k, batch in enumerate(batches):
+            self.n_batches += 1
+            warm = min(1.0, self.n_batches / max(1, self.options.warm_up_steps))
+            done = (number + k / len(batches)) / self.options.portions
+            self.set_rates(warm * 0.5 * (1 + math.cos(math.pi * done)))
+            inputs, targets = self._tensors(batch)
+            terms = zone_loss_terms(self.network.predictions(*inputs), inputs[3], targets)
+            yield terms, batch.n_episodes
 
-    def _set_rate(self, done: float) -> None:
-        warm = min(1.0, (self.steps + 1) / max(1, self.options.warm_up_steps))
-        share = warm * 0.5 * (1 + math.cos(math.pi * done))
-        for optimiser in self.optimisers.values():
-            for group in optimiser.param_groups:
-                group["lr"] = share * optimiser.defaults["lr"]
-
-    def _losses(self, batch: ZoneBatch) -> dict[str, Tensor]:
-        inputs, targets = self._tensors(batch)
-        return zone_losses(self.network.predictions(*inputs), inputs[3], targets)
+    def noted(self, number: int) -> dict[str, Any]:
+        del number
+        return {"steps": self.n_batches, "skipped_steps": 0}
 
     def _tensors(self, batch: ZoneBatch) -> tuple[list[Tensor], ZoneTargets]:
         inputs = [torch.from_numpy(values).to(self.device) for values in batch.inputs]
@@ -207,38 +137,30 @@ class _Run:
         targets = (torch.from_numpy(values).float().to(self.device) for values in truth)
         return inputs, ZoneTargets(*targets)
 
-    @torch.no_grad()
-    def _validate(self, batches: Sequence[ZoneBatch]) -> dict[str, float]:
+    def validate(self) -> dict[str, Any]:
+        kinds = {kind: self._means(batches) for kind, batches in self.validation.items()}
+        return {
+            "validation": {
+                name: float(np.mean([terms[name] for terms in kinds.values()]))
+                for name in kinds[next(iter(MIX))]
+            },
+            "kinds": kinds,
+        }
+
+    def _means(self, batches: Sequence[ZoneBatch]) -> dict[str, float]:
         """Return every term's mean over validation scenes, and the share of wrong sides."""
-        self.network.eval()
         means = Means()
         for batch in batches:
             inputs, targets = self._tensors(batch)
             predictions = self.network.predictions(*inputs)
-            terms = zone_losses(predictions, inputs[3], targets)
+            terms = zone_loss_terms(predictions, inputs[3], targets)
             observed = inputs[3].amax(dim=-1)
             terms["wrong_side_share"] = wrong_side_share(predictions[-1], targets.anchor, observed)
             means.add(terms, batch.n_episodes)
         return means.values()
 
-    def _write_state(self) -> None:
-        weights = {"network": self.network.state_dict()}
-        write_state(self.folder, self.key, self.log, weights, self.optimisers)
-
-    def resume(self) -> int:
-        """Take up the state that an earlier run left, and return how many portions are done."""
-        state = read_state(self.folder, self.key)
-        if state is None:
-            return 0
-        self.network.load_state_dict(state.weights["network"])
-        state.load_optimisers(self.optimisers)
-        self.log, self.steps = state.log, state.log[-1]["steps"]
-        return len(self.log)
-
-    @torch.no_grad()
     def _variance_scale(self, n_steps: int) -> float:
         """Return what makes 90 % of the 90 % ellipses of validation scenes hold their anchor."""
-        self.network.eval()
         squares = []
         for batch in validation_portion(_CALIBRATED_ON, self.options.validation_episodes, n_steps):
             inputs, targets = self._tensors(batch)
@@ -253,14 +175,10 @@ class _Run:
             squares.append(better[inputs[3].amax(dim=-1) > 0])
         return float(torch.quantile(torch.cat(squares), _ELLIPSE_SHARE)) / _CHI2_90
 
-    def finish(self) -> SetModelDescription:
-        """Write the model with all that belongs to it."""
-        self.network.eval().cpu()
-        self.device = torch.device("cpu")
-        onnx = export_set_onnx(self.network)
+    def describe(self, line: dict[str, Any]) -> ZoneModel:
         shares = ", ".join(f"{share:.0%} {kind}" for kind, share in MIX.items())
         n_scenes = self.options.portions * self.options.portion_episodes
-        description = SetModelDescription(
+        return ZoneModel(
             schema=1,
             network=self.task.network,
             variance_scales=tuple(
@@ -274,10 +192,11 @@ class _Run:
             training=self.options,
             metrics={
                 f"{kind}_{name}": round(value, 6)
-                for kind, terms in self.log[-1]["kinds"].items()
+                for kind, terms in line["kinds"].items()
                 for name, value in terms.items()
             },
             version=self.task.version,
         )
-        weights = self.network.state_dict()
-        return write_model(self.folder, description, weights, onnx, self.log)
+
+    def export(self) -> bytes:
+        return export_zone(self.network)

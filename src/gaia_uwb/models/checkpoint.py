@@ -16,13 +16,20 @@ from collections.abc import Mapping
 from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
 
 from gaia_uwb._shared import Array, ConfigError
-from gaia_uwb.models.description import SCHEMA, ModelDescription, SetModelDescription
+from gaia_uwb.models.description import (
+    SCHEMA,
+    GaiaSetArchitecture,
+    Model,
+    ModelDescription,
+    WindowModel,
+    ZoneModel,
+)
 
 DESCRIPTION = "model.json"
 ONNX = "model.onnx"
@@ -72,11 +79,8 @@ def find_model(kind: str, model: str) -> Path:
     )
 
 
-Description = TypeVar("Description", ModelDescription, SetModelDescription)
-
-
-def read_description(folder: Path) -> ModelDescription:
-    """Read what a model of the paper's networks is.
+def read_description(folder: Path) -> WindowModel | ZoneModel:
+    """Read what a model is.
 
     Parameters
     ----------
@@ -88,21 +92,6 @@ def read_description(folder: Path) -> ModelDescription:
     ConfigError
         If it cannot be read, is damaged, or comes from another version of the format.
     """
-    return _read_description(folder, ModelDescription)
-
-
-def read_set_description(folder: Path) -> SetModelDescription:
-    """Read what a model of ``gaia-set`` is; like :func:`read_description`.
-
-    Parameters
-    ----------
-    folder
-        Holds the model's files.
-    """
-    return _read_description(folder, SetModelDescription)
-
-
-def _read_description(folder: Path, kind: type[Description]) -> Description:
     path = folder / DESCRIPTION
     content = _read(path)
     try:
@@ -111,7 +100,7 @@ def _read_description(folder: Path, kind: type[Description]) -> Description:
             raise ConfigError(
                 f"{path}: expected a model of schema {SCHEMA}, got {fields.get('schema')!r}"
             )
-        description = kind.model_validate_json(content)
+        description = _family(fields).model_validate_json(content)
     except (ValidationError, ValueError, RecursionError) as error:
         if isinstance(error, ValidationError):
             first = error.errors()[0]
@@ -125,7 +114,14 @@ def _read_description(folder: Path, kind: type[Description]) -> Description:
     return description
 
 
-def seal(description: Description, contents: Mapping[str, bytes]) -> Description:
+def _family(fields: Any) -> type[WindowModel] | type[ZoneModel]:
+    """Return which description some fields are, by the kind of the network."""
+    network = fields.get("network") if isinstance(fields, dict) else None
+    kind = network.get("kind") if isinstance(network, dict) else None
+    return ZoneModel if kind == GaiaSetArchitecture().kind else WindowModel
+
+
+def seal(description: Model, contents: Mapping[str, bytes]) -> Model:
     """Return a description with the checksums of the files beside it, and with its own.
 
     Parameters
@@ -148,9 +144,7 @@ def _checksum(fields: Mapping[str, Any]) -> str:
     return hashlib.sha256(content.encode()).hexdigest()
 
 
-def read_file(
-    folder: Path, name: str, description: ModelDescription | SetModelDescription
-) -> bytes:
+def read_file(folder: Path, name: str, description: ModelDescription) -> bytes:
     """Read a model's file and check it against its checksum.
 
     Parameters
@@ -173,9 +167,7 @@ def read_file(
     return content
 
 
-def read_weights(
-    folder: Path, description: ModelDescription | SetModelDescription
-) -> dict[str, Array]:
+def read_weights(folder: Path, description: ModelDescription) -> dict[str, Array]:
     """Read a model's weights by name.
 
     Parameters

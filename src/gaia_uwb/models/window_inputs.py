@@ -13,10 +13,10 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Float32, Float64, InputError
 from gaia_uwb.episode import Episode
-from gaia_uwb.models.description import Normalisation
+from gaia_uwb.models.domain import Normalisation
 
 
-class Features(NamedTuple):
+class WindowInputs(NamedTuple):
     """Inputs of a network: B episodes of T steps, N channels for anchors; lengths are scaled."""
 
     position: Float32[Array, "B T 2"]
@@ -29,7 +29,7 @@ class Features(NamedTuple):
     """Tag's height minus the anchor's; 0 where unknown."""
 
 
-class Targets(NamedTuple):
+class WindowTargets(NamedTuple):
     """What a network is trained towards, in metres."""
 
     range_m: Float32[Array, "B T N"]
@@ -40,9 +40,9 @@ class Targets(NamedTuple):
     """True places of the anchors, scaled like positions."""
 
 
-def make_features(
+def make_window_inputs(
     episodes: Sequence[Episode], n_anchors: int, normalisation: Normalisation
-) -> Features:
+) -> WindowInputs:
     """Lay episodes of equally many steps out for a network.
 
     Parameters
@@ -70,18 +70,18 @@ def make_features(
         distance[b, :, :n] = range_m / normalisation.scale_m
         mask[b, :, :n] = episode.valid
         height_gap[b, :, :n] = episode.height_gap_m() / normalisation.scale_m
-    return Features(position, distance, mask, height_gap)
+    return WindowInputs(position, distance, mask, height_gap)
 
 
-def make_targets(
+def window_targets(
     episodes: Sequence[Episode], n_anchors: int, normalisation: Normalisation
-) -> Targets:
+) -> WindowTargets:
     """Lay the truth of episodes of equally many steps out for training.
 
     Parameters
     ----------
     episodes, n_anchors, normalisation
-        Like :func:`make_features`; every episode has its truth.
+        Like :func:`make_window_inputs`; every episode has its truth.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def make_targets(
         range_m[b, :, :n] = truth.range_m
         nlos[b, :, :n] = truth.nlos
         anchor[b, :n] = (truth.anchor_m - origin_m) / normalisation.scale_m
-    return Targets(range_m, nlos, anchor)
+    return WindowTargets(range_m, nlos, anchor)
 
 
 def window_starts(n_steps: int, length: int) -> list[int]:

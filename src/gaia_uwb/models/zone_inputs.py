@@ -17,7 +17,7 @@ from gaia_uwb.episode import Episode
 from gaia_uwb.models.path_frame import PathFrame, road_parabola
 from gaia_uwb.solver import SolverOptions, solve
 
-__all__ = ["ZoneInputs", "ZoneReadings", "zone_inputs", "zone_readings"]
+__all__ = ["ZoneInputs", "ZoneReadings", "make_zone_inputs", "zone_readings"]
 
 _SIGMA_M = 0.1  # of all ranges alike: the solver finds their scale
 _BIAS_SIGMA_M = 0.1
@@ -99,7 +99,7 @@ def zone_readings(episodes: Sequence[Episode]) -> ZoneReadings:
     )
 
 
-def zone_inputs(readings: ZoneReadings) -> tuple[ZoneInputs, PathFrame]:
+def make_zone_inputs(readings: ZoneReadings) -> tuple[ZoneInputs, PathFrame]:
     """Return the network's inputs and the frames that its places are in.
 
     Parameters

@@ -11,7 +11,13 @@ import torch
 from gaia_uwb._shared import Array, ConfigError, Float64
 from gaia_uwb.episode import Episode
 from gaia_uwb.learn import Gaia
-from gaia_uwb.models import make_features, read_description, read_weights
+from gaia_uwb.models import (
+    GaiaArchitecture,
+    WindowModel,
+    make_window_inputs,
+    read_description,
+    read_weights,
+)
 
 
 def gate_and_layout(
@@ -39,14 +45,19 @@ def gate_and_layout(
         If the model has no gate.
     """
     description = read_description(folder)
-    options = description.network
-    if options.kind != "gaia" or not (options.layout_head and options.geo_dist):
-        raise ConfigError(f"{folder}: expected a gaia with a gate, got {options!r}")
-    network = Gaia(description.n_anchors, options)
+    made = description.network
+    if not (
+        isinstance(description, WindowModel)
+        and isinstance(made, GaiaArchitecture)
+        and made.layout_head
+        and made.geo_dist
+    ):
+        raise ConfigError(f"{folder}: expected a gaia with a gate, got {made!r}")
+    network = Gaia(description.n_anchors, made)
     weights = read_weights(folder, description)
     network.load_state_dict({name: torch.from_numpy(v.copy()) for name, v in weights.items()})
     network.eval()
-    features = make_features(windows, description.n_anchors, description.normalisation)
+    features = make_window_inputs(windows, description.n_anchors, description.normalisation)
     with torch.no_grad():
         found = network(*map(torch.from_numpy, features))
     scale_m = description.normalisation.scale_m

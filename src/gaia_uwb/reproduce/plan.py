@@ -21,7 +21,7 @@ from gaia_uwb.config import (
 from gaia_uwb.denoisers import DENOISERS
 from gaia_uwb.evaluate import STRESSORS, Stressor
 from gaia_uwb.learn import ABLATIONS, KINDS, Recipe, make_recipe
-from gaia_uwb.models import GaiaOptions, NetworkOptions
+from gaia_uwb.models import GaiaArchitecture, WindowArchitecture
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
 
 TEST_PRESET, TRAINING_PRESET, TEST_SEED = "stress-test", "stress", 0
@@ -44,7 +44,7 @@ class Method:
     """
 
     name: str
-    network: NetworkOptions | None = None
+    network: WindowArchitecture | None = None
     packaged: bool = False
 
     @property
@@ -194,7 +194,7 @@ class Plan:
     n_layouts: int | None = None
 
     def recipe(
-        self, network: NetworkOptions, seed: int, *, preparation: str | None = None
+        self, network: WindowArchitecture, seed: int, *, preparation: str | None = None
     ) -> Recipe:
         """Return how a network is trained.
 
@@ -267,10 +267,10 @@ def _given(values: Mapping[str, object]) -> dict[str, object]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def _narrowed(network: NetworkOptions, hidden: int | None) -> NetworkOptions:
+def _narrowed(network: WindowArchitecture, hidden: int | None) -> WindowArchitecture:
     if hidden is None:
         return network
-    if isinstance(network, GaiaOptions):
+    if isinstance(network, GaiaArchitecture):
         widths = ("base_hidden", "gru_hidden", "layout_hidden", "head_hidden")
         return network.model_copy(update=dict.fromkeys(widths, hidden))
     return network.model_copy(update={"hidden": hidden})

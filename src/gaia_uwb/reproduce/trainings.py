@@ -18,8 +18,8 @@ from typing import Any
 
 from gaia_uwb._shared import OutputFolder
 from gaia_uwb.episode import Episode
-from gaia_uwb.learn import LearningSetOptions, LearningSets, Recipe, logged_sets, simulated_sets
-from gaia_uwb.models import DESCRIPTION, GaiaOptions, Normalisation, read_description
+from gaia_uwb.learn import Recipe, WindowSetOptions, WindowSets, logged_sets, simulated_sets
+from gaia_uwb.models import DESCRIPTION, GaiaArchitecture, Normalisation, read_description
 from gaia_uwb.reproduce.digests import code_digest, digest_of, episodes_digest
 from gaia_uwb.reproduce.jobs import Job
 from gaia_uwb.reproduce.plan import TRAINING_PRESET, Plan
@@ -35,7 +35,7 @@ _CODE = (
 _NOT_FOLLOWED = (
     "_shared", "config", "episode", "evaluate.bootstrap", "learn.loss_plots",
     "learn.networks.make", "learn.training_folder", "learn.window_sets", "models.card",
-    "models.description",
+    "models.description", "models.domain", "models.training_options", "models.zone_inputs",
 )  # fmt: skip
 
 # Seconds on one thread; only the order of the jobs and the time left depend on them.
@@ -61,7 +61,7 @@ class Data:
     split: str = ""
     runs: tuple[Episode, ...] = field(default=(), repr=False)
 
-    def sets(self, options: LearningSetOptions) -> LearningSets:
+    def sets(self, options: WindowSetOptions) -> WindowSets:
         """Return the sets that the training sees.
 
         Parameters
@@ -151,7 +151,7 @@ def outdoor_training(folder: Path, name: str, recipe: Recipe, data: Data, versio
 
 def _training(folder: Path, name: str, recipe: Recipe, data: Data, version: str) -> Training:
     seed = recipe.training.seed
-    base = folder / f"pose-mlp-seed{seed}" if isinstance(recipe.network, GaiaOptions) else None
+    base = folder / f"pose-mlp-seed{seed}" if isinstance(recipe.network, GaiaArchitecture) else None
     return Training(folder / f"{name}-seed{seed}", recipe, data, base, version)
 
 
@@ -201,7 +201,7 @@ def train_model(training: Training) -> bool:
         stamp = None
     if stamp is not None and stamp["done"] and (training.place / DESCRIPTION).is_file():
         return False
-    from gaia_uwb.learn import STATE, Task, train
+    from gaia_uwb.learn import STATE, WindowTask, train_window
 
     taken_up = stamp is None and (training.place / STATE).is_file()
     note: dict[str, Any] = stamp or {"key": key, "seconds": 0.0, "taken_up": taken_up}
@@ -218,10 +218,10 @@ def train_model(training: Training) -> bool:
             write(done=False)
 
     recipe = training.recipe
-    task = Task(recipe.network, recipe.training, sets, training.version)
+    task = WindowTask(recipe.network, recipe.training, training.version, sets)
     if not taken_up:
         write(done=False)
-    train(task, folder, base=training.base, progress=noted)
+    train_window(task, folder, base=training.base, progress=noted)
     write(done=True)
     return True
 
@@ -248,11 +248,11 @@ def _name(place: Path) -> str:
     return inside[1] if inside[0] == MODELS else "/".join(inside)
 
 
-_kept: dict[str, LearningSets] = {}
+_kept: dict[str, WindowSets] = {}
 """The last sets of this process: the models of one fold share them."""
 
 
-def _sets(data: Data, options: LearningSetOptions) -> LearningSets:
+def _sets(data: Data, options: WindowSetOptions) -> WindowSets:
     key = digest_of([data.source, data.split, episodes_digest(data.runs), options.model_dump()])
     if key not in _kept:
         _kept.clear()
@@ -260,11 +260,8 @@ def _sets(data: Data, options: LearningSetOptions) -> LearningSets:
     return _kept[key]
 
 
-def _key(training: Training, sets: LearningSets) -> str:
-    base, network = (
-        training.base,
-        f"learn.networks.{training.recipe.network.kind.replace('-', '_')}",
-    )
+def _key(training: Training, sets: WindowSets) -> str:
+    base, kind = training.base, training.recipe.network.kind.replace("-", "_")
     return digest_of(
         {
             "recipe": training.recipe.model_dump(),
@@ -272,7 +269,7 @@ def _key(training: Training, sets: LearningSets) -> str:
             "validation": episodes_digest(sets.validation),
             "normalisation": Normalisation.fit(sets.training).model_dump(),
             "base": None if base is None else read_description(base).sha256,
-            "code": code_digest(*_CODE, network, without=_NOT_FOLLOWED),
+            "code": code_digest(*_CODE, f"learn.networks.{kind}", without=_NOT_FOLLOWED),
         }
     )
 

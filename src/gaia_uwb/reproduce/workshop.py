@@ -11,7 +11,7 @@ from typing import Any
 from gaia_uwb._shared import OutputFolder
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import Episode
-from gaia_uwb.learn import LearningSetOptions, prepare_runs
+from gaia_uwb.learn import WindowSetOptions, prepare_runs
 from gaia_uwb.reproduce.jobs import n_cores, run_jobs
 from gaia_uwb.reproduce.plan import (
     TEST_PRESET,
@@ -114,7 +114,7 @@ class Workshop:
         """
         name = f"runs/{preparation}"
         if name not in self.made:
-            options = LearningSetOptions().model_copy(update={"preparation": preparation})
+            options = WindowSetOptions().model_copy(update={"preparation": preparation})
             scenes = self.scenes
             if self.plan.n_layouts is not None:
                 layouts = sorted({scene.name.rpartition("/")[2] for scene in scenes})

@@ -8,40 +8,44 @@ import numpy as np
 import torch
 
 from gaia_uwb.learn.networks.augmentation import varied
-from gaia_uwb.learn.networks.window_losses import Batch
-from gaia_uwb.models.description import Normalisation
-from gaia_uwb.models.window_inputs import make_features, make_targets
-from tiny_models import TrainingOptions, make_run
+from gaia_uwb.learn.networks.window_losses import WindowBatch
+from gaia_uwb.models.domain import Normalisation
+from gaia_uwb.models.window_inputs import make_window_inputs, window_targets
+from tiny_models import WindowTrainingOptions, make_run
 
 SCALE_M = 10.0
 
 
-def make_batch(n: int = 40) -> Batch:
+def make_batch(n: int = 40) -> WindowBatch:
     runs = [make_run(seed, n_steps=20) for seed in range(n)]
     norm = Normalisation(origin_east_m=0.0, origin_north_m=-4.0, scale_m=SCALE_M)
-    parts = (*make_features(runs, 4, norm), *make_targets(runs, 4, norm))
-    return Batch(*map(torch.from_numpy, parts))
+    parts = (*make_window_inputs(runs, 4, norm), *window_targets(runs, 4, norm))
+    return WindowBatch(*map(torch.from_numpy, parts))
 
 
-def vary(batch: Batch, seed: int = 0, **changes: float | bool) -> Batch:
-    return varied(batch, np.random.default_rng(seed), SCALE_M, TrainingOptions(**changes))
+def vary(batch: WindowBatch, seed: int = 0, **changes: float | bool) -> WindowBatch:
+    return varied(batch, np.random.default_rng(seed), SCALE_M, WindowTrainingOptions(**changes))
 
 
-def same(one: Batch, other: Batch) -> set[str]:
-    return {name for name in Batch._fields if torch.equal(getattr(one, name), getattr(other, name))}
+def same(one: WindowBatch, other: WindowBatch) -> set[str]:
+    return {
+        name
+        for name in WindowBatch._fields
+        if torch.equal(getattr(one, name), getattr(other, name))
+    }
 
 
 def test_nothing_is_varied_unless_asked() -> None:
-    assert same(vary(make_batch()), make_batch()) == set(Batch._fields)
+    assert same(vary(make_batch()), make_batch()) == set(WindowBatch._fields)
 
 
 def test_noise_has_its_size_in_metres_and_keeps_out_of_the_truth() -> None:
     batch = make_batch()
     moved = vary(batch, position_noise_m=0.5)
-    assert same(moved, batch) == set(Batch._fields) - {"position"}
+    assert same(moved, batch) == set(WindowBatch._fields) - {"position"}
     assert (moved.position - batch.position).std().item() * SCALE_M == pytest.approx(0.5, rel=0.1)
     noisy = vary(batch, range_noise_m=0.5)
-    assert same(noisy, batch) == set(Batch._fields) - {"distance"}
+    assert same(noisy, batch) == set(WindowBatch._fields) - {"distance"}
     error = (noisy.distance - batch.distance)[batch.mask == 1]
     assert error.std().item() * SCALE_M == pytest.approx(0.5, rel=0.1)
     assert not noisy.distance[batch.mask == 0].any()
@@ -51,7 +55,7 @@ def test_noise_has_its_size_in_metres_and_keeps_out_of_the_truth() -> None:
 def test_wrong_ranges_are_a_share_and_anywhere_a_range_may_be() -> None:
     batch = make_batch()
     wrong = vary(batch, outlier_share=0.2)
-    assert same(wrong, batch) == set(Batch._fields) - {"distance"}
+    assert same(wrong, batch) == set(WindowBatch._fields) - {"distance"}
     assert not wrong.distance[wrong.mask == 0].any()
     changed = (wrong.distance != batch.distance)[batch.mask == 1]
     assert changed.double().mean().item() == pytest.approx(0.2, abs=0.02)
@@ -64,7 +68,7 @@ def test_wrong_ranges_are_a_share_and_anywhere_a_range_may_be() -> None:
 def test_left_out_ranges_are_a_share_of_each_episode_and_unseen() -> None:
     batch = make_batch()
     less = vary(batch, drop_share=0.5)
-    assert same(less, batch) == set(Batch._fields) - {"distance", "mask"}
+    assert same(less, batch) == set(WindowBatch._fields) - {"distance", "mask"}
     assert not less.distance[less.mask == 0].any()
     kept = less.mask == 1
     assert torch.equal(less.distance[kept], batch.distance[kept])
@@ -81,7 +85,7 @@ def test_about_half_of_the_drives_go_backwards_as_a_whole() -> None:
     for k in range(len(batch.mask)):
         flip = not torch.equal(turned.position[k], batch.position[k])
         backwards += flip
-        for name in set(Batch._fields) - {"anchor"}:
+        for name in set(WindowBatch._fields) - {"anchor"}:
             part = getattr(batch, name)[k]
             assert torch.equal(getattr(turned, name)[k], part.flip(0) if flip else part), name
     assert torch.equal(turned.anchor, batch.anchor)

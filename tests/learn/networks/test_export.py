@@ -11,8 +11,8 @@ import numpy as np
 import onnxruntime
 import torch
 
-from gaia_uwb.learn.networks.export import INPUTS, export_onnx
-from gaia_uwb.models.window_inputs import Features
+from gaia_uwb.learn.networks.export import export_window
+from gaia_uwb.models.window_inputs import WindowInputs
 from tiny_models import NETWORKS
 
 
@@ -22,16 +22,18 @@ def test_onnx_gives_what_pytorch_gives(
 ) -> None:
     network = build(name)
     session = onnxruntime.InferenceSession(
-        export_onnx(network, 3), providers=["CPUExecutionProvider"]
+        export_window(network, 3), providers=["CPUExecutionProvider"]
     )
-    assert [part.name for part in session.get_inputs()] == list(INPUTS) == list(Features._fields)
+    assert tuple(part.name for part in session.get_inputs()) == WindowInputs._fields
     for n_batch, n_steps in ((1, 1), (1, 8), (3, 5), (5, 64)):
         inputs = draw(seed=n_steps, n_batch=n_batch, n_steps=n_steps)
         with torch.no_grad():
             expected = network(*inputs)._asdict()
         names = [part.name for part in session.get_outputs()]
         assert names == [f"predicted_{k}" for k, v in expected.items() if v is not None]
-        found = session.run(names, dict(zip(INPUTS, (p.numpy() for p in inputs), strict=True)))
+        found = session.run(
+            names, dict(zip(WindowInputs._fields, (p.numpy() for p in inputs), strict=True))
+        )
         for label, value in zip(names, found, strict=True):
             np.testing.assert_allclose(
                 value, expected[label.removeprefix("predicted_")].numpy(), rtol=0, atol=1e-5
@@ -39,4 +41,4 @@ def test_onnx_gives_what_pytorch_gives(
 
 
 def test_the_same_network_gives_the_same_file(build: Callable[..., Any]) -> None:
-    assert export_onnx(build("gaia"), 3) == export_onnx(build("gaia"), 3)
+    assert export_window(build("gaia"), 3) == export_window(build("gaia"), 3)

@@ -13,13 +13,13 @@ from torch import Tensor
 from gaia_uwb.learn.networks.gaia_set import GaiaSet, ZonePrediction
 from gaia_uwb.learn.networks.zone_heads import Prior, gauss_newton, side_probability
 from gaia_uwb.learn.networks.zone_tokens import make_token_scene
-from gaia_uwb.models.description import GaiaSetOptions
+from gaia_uwb.models.description import GaiaSetArchitecture
 from gaia_uwb.models.zone_inputs import ZoneInputs
 
-SMALL = GaiaSetOptions(channels=6, width=8, layers=1)
+SMALL = GaiaSetArchitecture(channels=6, width=8, layers=1)
 
 
-def make_network(options: GaiaSetOptions = SMALL, seed: int = 0) -> GaiaSet:
+def make_network(options: GaiaSetArchitecture = SMALL, seed: int = 0) -> GaiaSet:
     torch.manual_seed(seed)
     network = GaiaSet(options).double().eval()
     with torch.no_grad():  # also those that start as zeros
@@ -148,7 +148,7 @@ def test_information_is_that_of_an_ellipse() -> None:
 
 
 def test_without_attention_anchors_do_not_see_each_other() -> None:
-    network = make_network(GaiaSetOptions(channels=6, width=8, layers=0))
+    network = make_network(GaiaSetArchitecture(channels=6, width=8, layers=0))
     inputs = make_inputs()
     changed = inputs.range.copy()
     changed[:, 3] *= 1.5
@@ -179,7 +179,7 @@ def test_gauss_newton_without_a_prior_finds_where_ranges_meet() -> None:
 
 def test_gradients_are_those_of_finite_differences() -> None:
     torch.manual_seed(0)
-    network = GaiaSet(GaiaSetOptions(channels=2, width=4, layers=1, rounds=1)).double()
+    network = GaiaSet(GaiaSetArchitecture(channels=2, width=4, layers=1, rounds=1)).double()
     inputs = [torch.from_numpy(np.array(part)) for part in make_inputs(1, 2, 6)]
 
     def value(bias: Tensor) -> Tensor:

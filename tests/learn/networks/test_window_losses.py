@@ -9,22 +9,22 @@ pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 
 import torch
 
-from gaia_uwb.learn.networks.layers import Prediction
+from gaia_uwb.learn.networks.layers import WindowPrediction
 from gaia_uwb.learn.networks.window_losses import (
-    Batch,
+    WindowBatch,
     anchor_loss,
     consistency_loss,
     layout_loss,
-    loss_terms,
     masked_huber,
+    window_loss_terms,
 )
-from tiny_models import GaiaOptions, TrainingOptions
+from tiny_models import GaiaArchitecture, WindowTrainingOptions
 
 SCALE_M = 10.0
-OPTIONS = TrainingOptions(anchor_stride=1)
+OPTIONS = WindowTrainingOptions(anchor_stride=1)
 
 
-def make_batch(*, dtype: torch.dtype = torch.float32, n_steps: int = 12) -> Batch:
+def make_batch(*, dtype: torch.dtype = torch.float32, n_steps: int = 12) -> WindowBatch:
     """Return two passes along a bent path past two anchors, in units of ``SCALE_M``."""
     x = torch.linspace(-1.0, 1.0, n_steps, dtype=dtype)
     position = torch.stack([x, -0.4 + 0.3 * x**2], dim=-1).expand(2, -1, -1)
@@ -33,13 +33,13 @@ def make_batch(*, dtype: torch.dtype = torch.float32, n_steps: int = 12) -> Batc
     distance = torch.sqrt((position[:, :, None] - anchor[:, None]).square().sum(-1) + 0.01)
     nlos = torch.zeros_like(distance)
     nlos[:, ::3, 0] = 1
-    return Batch(
+    return WindowBatch(
         position, distance, torch.ones_like(distance), gap, distance * SCALE_M, nlos, anchor
     )
 
 
-def perfect(batch: Batch) -> Prediction:
-    return Prediction(batch.distance, batch.anchor, batch.distance)
+def perfect(batch: WindowBatch) -> WindowPrediction:
+    return WindowPrediction(batch.distance, batch.anchor, batch.distance)
 
 
 def test_the_masked_loss_is_hubers() -> None:
@@ -66,7 +66,7 @@ def test_the_consistency_loss_is_a_masked_mean_square() -> None:
 
 
 def test_a_perfect_prediction_costs_nothing() -> None:
-    terms = loss_terms(perfect(make_batch()), make_batch(), SCALE_M, OPTIONS)
+    terms = window_loss_terms(perfect(make_batch()), make_batch(), SCALE_M, OPTIONS)
     assert set(terms) == {"mask", "layout", "consistency", "anchor", "total"}
     assert {name: value.item() for name, value in terms.items()} == pytest.approx(
         dict.fromkeys(terms, 0.0), abs=1e-4
@@ -75,8 +75,8 @@ def test_a_perfect_prediction_costs_nothing() -> None:
 
 def test_terms_are_in_metres_and_add_up_with_their_weights() -> None:
     batch = make_batch()
-    off = Prediction(batch.distance + 0.05, batch.anchor + 0.1, batch.distance - 0.05)
-    terms = loss_terms(off, batch, SCALE_M, OPTIONS)
+    off = WindowPrediction(batch.distance + 0.05, batch.anchor + 0.1, batch.distance - 0.05)
+    terms = window_loss_terms(off, batch, SCALE_M, OPTIONS)
     assert terms["mask"].item() == pytest.approx(0.5 * 0.5**2, rel=1e-4)
     assert terms["layout"].item() == pytest.approx(2.0, rel=1e-4)
     assert terms["consistency"].item() == pytest.approx(1.0, rel=1e-4)
@@ -95,29 +95,31 @@ def test_terms_without_weight_or_layout_are_left_out() -> None:
     for name in ("layout", "consistency", "anchor"):
         options = OPTIONS.model_copy(update={f"{name}_weight": 0.0})
         expected = {"mask", "layout", "consistency", "anchor", "total"} - {name}
-        assert set(loss_terms(perfect(batch), batch, SCALE_M, options)) == expected
-    alone = loss_terms(perfect(batch), batch, SCALE_M, OPTIONS.model_copy(update=off))
+        assert set(window_loss_terms(perfect(batch), batch, SCALE_M, options)) == expected
+    alone = window_loss_terms(perfect(batch), batch, SCALE_M, OPTIONS.model_copy(update=off))
     assert set(alone) == {"mask", "total"}
     assert torch.equal(alone["mask"], alone["total"])
-    bare = loss_terms(Prediction(batch.distance), batch, SCALE_M, OPTIONS)
+    bare = window_loss_terms(WindowPrediction(batch.distance), batch, SCALE_M, OPTIONS)
     assert set(bare) == {"mask", "anchor", "total"}
-    no_geometry = loss_terms(Prediction(batch.distance, batch.anchor), batch, SCALE_M, OPTIONS)
+    no_geometry = window_loss_terms(
+        WindowPrediction(batch.distance, batch.anchor), batch, SCALE_M, OPTIONS
+    )
     assert set(no_geometry) == {"mask", "layout", "anchor", "total"}
 
 
 def test_ranges_without_line_of_sight_count_as_told() -> None:
     batch = make_batch()
-    wrong_there = Prediction(batch.distance + 0.05 * batch.nlos)
+    wrong_there = WindowPrediction(batch.distance + 0.05 * batch.nlos)
     deaf = OPTIONS.model_copy(update={"nlos_weight": 0.0})
-    assert loss_terms(wrong_there, batch, SCALE_M, deaf)["mask"].item() == pytest.approx(
+    assert window_loss_terms(wrong_there, batch, SCALE_M, deaf)["mask"].item() == pytest.approx(
         0, abs=1e-9
     )
     share = batch.nlos.mean().item()
-    heard = loss_terms(wrong_there, batch, SCALE_M, OPTIONS)["mask"].item()
+    heard = window_loss_terms(wrong_there, batch, SCALE_M, OPTIONS)["mask"].item()
     assert heard == pytest.approx(share * 0.125, rel=1e-4)
     half = OPTIONS.model_copy(update={"nlos_weight": 0.5})
     expected = 0.5 * share * 0.125 / (1 - 0.5 * share)
-    assert loss_terms(wrong_there, batch, SCALE_M, half)["mask"].item() == pytest.approx(
+    assert window_loss_terms(wrong_there, batch, SCALE_M, half)["mask"].item() == pytest.approx(
         expected, rel=1e-4
     )
 
@@ -130,8 +132,8 @@ def test_anchors_in_unknown_places_do_not_count_and_harm_no_gradient(unknown: st
     distance = (batch.distance + 0.03).requires_grad_()
     layout = (batch.anchor + 0.1).requires_grad_()
     layout_distance = batch.distance - 0.05
-    terms = loss_terms(
-        Prediction(distance, layout, layout_distance),
+    terms = window_loss_terms(
+        WindowPrediction(distance, layout, layout_distance),
         batch._replace(anchor=anchor),
         SCALE_M,
         OPTIONS,
@@ -151,7 +153,9 @@ def test_a_batch_without_any_range_costs_nothing_and_has_a_gradient() -> None:
     batch = make_batch()
     empty = batch._replace(mask=torch.zeros_like(batch.mask), distance=torch.zeros_like(batch.mask))
     distance = torch.zeros_like(batch.distance).requires_grad_()
-    terms = loss_terms(Prediction(distance, batch.anchor, batch.distance), empty, SCALE_M, OPTIONS)
+    terms = window_loss_terms(
+        WindowPrediction(distance, batch.anchor, batch.distance), empty, SCALE_M, OPTIONS
+    )
     terms["total"].backward()
     assert all(value.item() == 0 for value in terms.values())
     assert (distance.grad == 0).all()
@@ -168,7 +172,7 @@ def test_the_anchor_loss_follows_from_the_anchors_errors() -> None:
         assert found == pytest.approx(expected_m2, rel=1e-3)
 
 
-def test_the_anchor_loss_takes_every_so_manieth_step_and_hears_blocked_ranges_less() -> None:
+def test_the_anchor_loss_takes_every_nth_step_and_hears_blocked_ranges_less() -> None:
     batch = make_batch(dtype=torch.float64)
     known = torch.ones(2, 2, dtype=torch.bool)
     options = OPTIONS.model_copy(update={"anchor_stride": 4})
@@ -201,15 +205,15 @@ def test_a_networks_weights_get_finite_gradients(
     build: Callable[..., Any], draw: Callable[..., Any]
 ) -> None:
     network, (position, distance, mask, gap) = build("gaia"), draw()
-    assert isinstance(network.options, GaiaOptions)
+    assert isinstance(network.architecture, GaiaArchitecture)
     position[0] = position[0, 0]  # parked
     mask[1, :, 0] = 0
     distance = distance * mask
-    batch = Batch(
+    batch = WindowBatch(
         position, distance, mask, gap, distance * SCALE_M, torch.zeros_like(mask),
         torch.full((2, 3, 2), torch.nan),
     )  # fmt: skip
-    terms = loss_terms(network(*batch[:4]), batch, SCALE_M, OPTIONS)
+    terms = window_loss_terms(network(*batch[:4]), batch, SCALE_M, OPTIONS)
     terms["total"].backward()
     for weight in network.parameters():
         assert weight.grad is None or torch.isfinite(weight.grad).all()

@@ -16,7 +16,7 @@ from gaia_uwb.learn.networks.zone_losses import (
     place_log_density,
     scene_loss,
     wrong_side_share,
-    zone_losses,
+    zone_loss_terms,
 )
 
 
@@ -105,13 +105,13 @@ def test_terms_add_up_and_missing_ranges_do_not_count() -> None:
     truth = torch.full((1, 2, 6), 7.2)
     truth[:, :, 4:] = 99.0
     targets = ZoneTargets(LEFT, truth, torch.zeros(1, 2, 6))
-    terms = {name: float(v) for name, v in zone_losses([prediction()], mask, targets).items()}
+    terms = {name: float(v) for name, v in zone_loss_terms([prediction()], mask, targets).items()}
     assert terms["distance_mse_overall"] == pytest.approx(0.04, rel=1e-4)
     assert terms["range"] == pytest.approx(0.02, rel=1e-4)
     assert terms["nlos"] == pytest.approx(math.log(2), rel=1e-4)
     expected = terms["scene"] + 2 * terms["range"] + 0.5 * terms["sigma"] + 0.1 * terms["nlos"]
     assert terms["total"] == pytest.approx(expected, rel=1e-5)
-    twice = zone_losses([prediction(), prediction()], mask, targets)
+    twice = zone_loss_terms([prediction(), prediction()], mask, targets)
     assert float(twice["total"]) == pytest.approx(1.4 * expected, rel=1e-5)
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gaia_uwb.learn.networks.window_losses import Batch
-from gaia_uwb.models import TrainingOptions
+from gaia_uwb.learn.networks.window_losses import WindowBatch
+from gaia_uwb.models import WindowTrainingOptions
 
 
 def varied(
-    batch: Batch, rng: np.random.Generator, scale_m: float, options: TrainingOptions
-) -> Batch:
+    batch: WindowBatch, rng: np.random.Generator, scale_m: float, options: WindowTrainingOptions
+) -> WindowBatch:
     """Return a training batch with the noise, gaps, wrong ranges and reversals that are asked for.
 
     Parameters

@@ -22,9 +22,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from gaia_uwb.learn.networks.layers import Prediction, three_layers
+from gaia_uwb.learn.networks.layers import WindowPrediction, three_layers
 from gaia_uwb.learn.networks.pose_mlp import PoseMlp
-from gaia_uwb.models import GaiaOptions, PoseMlpOptions
+from gaia_uwb.models import GaiaArchitecture, PoseMlpArchitecture
 
 _LEAST_SCALE = 1e-6  # of outputs that never vary
 _LEAST_SQUARE = 1e-8  # under a root, so that its gradient stays finite on top of an anchor
@@ -37,24 +37,26 @@ class Gaia(nn.Module):
     ----------
     n_anchors
         Number of anchors N that the network has channels for.
-    options
+    architecture
         Its sizes and variants.
     """
 
-    def __init__(self, n_anchors: int, options: GaiaOptions) -> None:
+    def __init__(self, n_anchors: int, architecture: GaiaArchitecture) -> None:
         super().__init__()
-        self.options = options
-        self.base = PoseMlp(n_anchors, PoseMlpOptions(hidden=options.base_hidden))
-        self.base.requires_grad_(options.train_base)
-        self.temporal = TemporalRefinement(n_anchors, options)
+        self.architecture = architecture
+        self.base = PoseMlp(n_anchors, PoseMlpArchitecture(hidden=architecture.base_hidden))
+        self.base.requires_grad_(architecture.train_base)
+        self.temporal = TemporalRefinement(n_anchors, architecture)
         self.layout_head = (
-            LayoutHead(self.temporal.width, n_anchors, options) if options.layout_head else None
+            LayoutHead(self.temporal.width, n_anchors, architecture)
+            if architecture.layout_head
+            else None
         )
         self.prediction_head = PredictionHead(
             self.temporal.width,
             n_anchors,
-            options.head_hidden,
-            with_geometry=options.layout_head and options.geo_dist,
+            architecture.head_hidden,
+            with_geometry=architecture.layout_head and architecture.geo_dist,
         )
 
     @torch.no_grad()
@@ -87,7 +89,7 @@ class Gaia(nn.Module):
 
     def forward(
         self, position: Tensor, distance: Tensor, mask: Tensor, height_gap: Tensor
-    ) -> Prediction:
+    ) -> WindowPrediction:
         """Denoise a batch.
 
         Parameters
@@ -107,14 +109,14 @@ class Gaia(nn.Module):
         if self.layout_head is not None:
             layout = self.layout_head(h, mask)  # l (B, N, 2), or (B, T, N, 2) if causal
             final = layout[:, -1] if layout.dim() == 4 else layout
-        if layout is None or not self.options.geo_dist:
+        if layout is None or not self.architecture.geo_dist:
             delta, _ = self.prediction_head(h, base, distance, None)
-            return Prediction(functional.relu(base + delta) * mask, final)
+            return WindowPrediction(functional.relu(base + delta) * mask, final)
         l_d = geometric_distance(position, layout, height_gap)  # (B, T, N)
         delta, gate_logit = self.prediction_head(h, base, distance, l_d)
         refined = functional.relu(base + delta)  # d_refined: a distance is never negative
         pred, gate = gated_fusion(refined, l_d, gate_logit, mask)
-        return Prediction(pred, final, l_d, gate)
+        return WindowPrediction(pred, final, l_d, gate)
 
 
 class TemporalRefinement(nn.Module):
@@ -124,18 +126,18 @@ class TemporalRefinement(nn.Module):
     ----------
     n_anchors
         Number of anchors N.
-    options
+    architecture
         ``gru_hidden`` is H. Causal: one direction of width 2H, and a look-ahead.
     """
 
-    def __init__(self, n_anchors: int, options: GaiaOptions) -> None:
+    def __init__(self, n_anchors: int, architecture: GaiaArchitecture) -> None:
         super().__init__()
-        self.causal = options.causal
-        self.look_ahead = options.look_ahead_steps
-        self.width = 2 * options.gru_hidden
+        self.causal = architecture.causal
+        self.look_ahead = architecture.look_ahead_steps
+        self.width = 2 * architecture.gru_hidden
         self.gru = nn.GRU(
             3 * n_anchors + 2,
-            self.width if self.causal else options.gru_hidden,
+            self.width if self.causal else architecture.gru_hidden,
             batch_first=True,
             bidirectional=not self.causal,
         )
@@ -168,16 +170,16 @@ class LayoutHead(nn.Module):
         Width 2H of the temporal features.
     n_anchors
         Number of anchors N.
-    options
+    architecture
         ``layout_hidden``; causal: the mean runs from the first step to the present one.
     """
 
-    def __init__(self, width: int, n_anchors: int, options: GaiaOptions) -> None:
+    def __init__(self, width: int, n_anchors: int, architecture: GaiaArchitecture) -> None:
         super().__init__()
-        self.causal = options.causal
-        self.look_ahead = options.look_ahead_steps
-        self.layers = three_layers(width, options.layout_hidden, 2 * n_anchors)
-        self.dropout = nn.Dropout(options.dropout)
+        self.causal = architecture.causal
+        self.look_ahead = architecture.look_ahead_steps
+        self.layers = three_layers(width, architecture.layout_hidden, 2 * n_anchors)
+        self.dropout = nn.Dropout(architecture.dropout)
         self.mean: Tensor
         self.spread: Tensor
         self.register_buffer("mean", torch.zeros(n_anchors, 2))

@@ -55,7 +55,7 @@ from gaia_uwb.learn.networks.zone_tokens import (
     to_tokens,
     token_features,
 )
-from gaia_uwb.models import GaiaSetOptions, ZoneInputs
+from gaia_uwb.models import GaiaSetArchitecture, ZoneInputs
 
 _TAILS = 4.0  # degrees of freedom of the ranges' errors
 
@@ -99,14 +99,16 @@ class GaiaSet(nn.Module):
 
     Parameters
     ----------
-    options
+    architecture
         Its sizes.
     """
 
-    def __init__(self, options: GaiaSetOptions) -> None:
+    def __init__(self, architecture: GaiaSetArchitecture) -> None:
         super().__init__()
-        self.rounds = nn.ModuleList(Round(options, first=k == 0) for k in range(options.rounds))
-        self.side_head = SideHead(options.width)
+        self.rounds = nn.ModuleList(
+            Round(architecture, first=k == 0) for k in range(architecture.rounds)
+        )
+        self.side_head = SideHead(architecture.width)
 
     def forward(self, *inputs: Tensor) -> ZonePrediction:
         """Denoise and locate a batch; inputs in the order of ``ZoneInputs``."""
@@ -135,20 +137,20 @@ class Round(nn.Module):
 
     Parameters
     ----------
-    options
+    architecture
         Sizes of the network.
     first
         Whether there is no token from a round before.
     """
 
-    def __init__(self, options: GaiaSetOptions, *, first: bool) -> None:
+    def __init__(self, architecture: GaiaSetArchitecture, *, first: bool) -> None:
         super().__init__()
-        channels, width = options.channels, options.width
+        channels, width = architecture.channels, architecture.width
         self.encoder = TemporalEncoder(channels)
         n_features = 2 * channels + TOKEN_FEATURES + (0 if first else width)
         self.embed = two_layers(n_features, width, width)
         self.pair = nn.Sequential(*two_layers(PAIR_FEATURES, PAIR_WIDTH, PAIR_WIDTH), nn.GELU())
-        self.attention = nn.ModuleList(Attention(width) for _ in range(options.layers))
+        self.attention = nn.ModuleList(Attention(width) for _ in range(architecture.layers))
         self.range_head = RangeHead(channels, width)
         self.place_head = PlaceHead(width)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from torch import Tensor, nn
 
 
-class Prediction(NamedTuple):
+class WindowPrediction(NamedTuple):
     """What a network makes of a batch, in units of its normalisation's length scale."""
 
     distance: Tensor

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
-from gaia_uwb.learn.networks.layers import Prediction, three_layers
-from gaia_uwb.models import MlpOptions
+from gaia_uwb.learn.networks.layers import WindowPrediction, three_layers
+from gaia_uwb.models import MlpArchitecture
 
 
 class Mlp(nn.Module):
@@ -18,17 +18,17 @@ class Mlp(nn.Module):
     ----------
     n_anchors
         Number of anchors N that the network has channels for.
-    options
+    architecture
         Its sizes.
     """
 
-    def __init__(self, n_anchors: int, options: MlpOptions) -> None:
+    def __init__(self, n_anchors: int, architecture: MlpArchitecture) -> None:
         super().__init__()
-        self.layers = three_layers(n_anchors, options.hidden, n_anchors)
+        self.layers = three_layers(n_anchors, architecture.hidden, n_anchors)
 
     def forward(
         self, position: Tensor, distance: Tensor, mask: Tensor, height_gap: Tensor
-    ) -> Prediction:
+    ) -> WindowPrediction:
         """Denoise a batch.
 
         Parameters
@@ -42,4 +42,4 @@ class Mlp(nn.Module):
         height_gap
             (B, T, N): tag's height minus the anchor's; not used.
         """
-        return Prediction(self.layers(distance) * mask)
+        return WindowPrediction(self.layers(distance) * mask)

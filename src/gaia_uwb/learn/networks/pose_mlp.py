@@ -8,8 +8,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from gaia_uwb.learn.networks.layers import Prediction, three_layers
-from gaia_uwb.models import PoseMlpOptions
+from gaia_uwb.learn.networks.layers import WindowPrediction, three_layers
+from gaia_uwb.models import PoseMlpArchitecture
 
 
 class PoseMlp(nn.Module):
@@ -19,17 +19,17 @@ class PoseMlp(nn.Module):
     ----------
     n_anchors
         Number of anchors N that the network has channels for.
-    options
+    architecture
         Its sizes.
     """
 
-    def __init__(self, n_anchors: int, options: PoseMlpOptions) -> None:
+    def __init__(self, n_anchors: int, architecture: PoseMlpArchitecture) -> None:
         super().__init__()
-        self.layers = three_layers(n_anchors + 2, options.hidden, n_anchors)
+        self.layers = three_layers(n_anchors + 2, architecture.hidden, n_anchors)
 
     def forward(
         self, position: Tensor, distance: Tensor, mask: Tensor, height_gap: Tensor
-    ) -> Prediction:
+    ) -> WindowPrediction:
         """Denoise a batch.
 
         Parameters
@@ -44,4 +44,4 @@ class PoseMlp(nn.Module):
             (B, T, N): tag's height minus the anchor's; not used.
         """
         features = torch.cat([distance, position], dim=-1)  # (B, T, N + 2)
-        return Prediction(self.layers(features) * mask)  # b_val: the base estimate, masked
+        return WindowPrediction(self.layers(features) * mask)  # b_val: the base estimate, masked

@@ -11,14 +11,14 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from gaia_uwb.learn.networks.layers import Prediction
+from gaia_uwb.learn.networks.layers import WindowPrediction
 from gaia_uwb.learn.networks.unrolled_solver import multilaterate
-from gaia_uwb.models import TrainingOptions
+from gaia_uwb.models import WindowTrainingOptions
 
 _AT_LEAST_ONE = 1e-6  # so that a batch without anything to count has loss 0
 
 
-class Batch(NamedTuple):
+class WindowBatch(NamedTuple):
     """Inputs and targets of some episodes, like :mod:`gaia_uwb.models.window_inputs`, as tensors.
 
     An anchor whose true place is unknown has NaN there: the geometry terms pass over it.
@@ -72,7 +72,11 @@ def consistency_loss(prediction_m: Tensor, layout_distance_m: Tensor, mask: Tens
 
 
 def anchor_loss(
-    prediction_m: Tensor, batch: Batch, known: Tensor, scale_m: float, options: TrainingOptions
+    prediction_m: Tensor,
+    batch: WindowBatch,
+    known: Tensor,
+    scale_m: float,
+    options: WindowTrainingOptions,
 ) -> Tensor:
     """Return how well anchors follow from the predicted ranges, L_anchor, in m^2.
 
@@ -115,8 +119,8 @@ def anchor_loss(
     return _mean(square_m2 + residual_m2, mask.amax(dim=1) * known)
 
 
-def loss_terms(
-    prediction: Prediction, batch: Batch, scale_m: float, options: TrainingOptions
+def window_loss_terms(
+    prediction: WindowPrediction, batch: WindowBatch, scale_m: float, options: WindowTrainingOptions
 ) -> dict[str, Tensor]:
     """Return every term and their weighted sum, ``total``.
 

@@ -72,7 +72,7 @@ def place_log_density(prediction: ZonePrediction, anchor: Tensor) -> Tensor:
     return 0.5 * determinant.log() - math.log(2 * math.pi) - tails
 
 
-def zone_losses(
+def zone_loss_terms(
     predictions: list[ZonePrediction], mask: Tensor, targets: ZoneTargets
 ) -> dict[str, Tensor]:
     """Return every term of the last round, and the weighted sum over all rounds, ``total``.

@@ -42,10 +42,29 @@ def make_token_scene(inputs: ZoneInputs) -> TokenScene:
     ones = torch.ones_like(inputs.range[:, :, 0])  # (B, N)
     side = torch.cat([ones, -ones], dim=1)  # (B, M)
     mirror = flip(side).unsqueeze(2)  # (B, M, 1, 2)
+    known, observed = _known(inputs, side)
+    n = inputs.range.shape[1]
+    number = torch.arange(n, device=inputs.range.device)
+    number = torch.cat([number, number])
+    one_side = (side[0].unsqueeze(1) * side[0].unsqueeze(0) + 1) / 2
+    one_anchor = (number.unsqueeze(1) == number.unsqueeze(0)).to(inputs.range.dtype)
+    return TokenScene(
+        side=side,
+        path=inputs.position.unsqueeze(1) * mirror,
+        velocity=inputs.velocity.unsqueeze(1) * mirror,
+        range=_twice(inputs.range),
+        mask=_twice(inputs.mask),
+        gap=_twice(inputs.height_gap),
+        road=inputs.road.unsqueeze(1) * side.unsqueeze(-1),
+        known=known,
+        step=inputs.step.reshape(-1, 1, 1, 1),
+        observed=_twice(observed),
+        kin=torch.stack([one_side, one_anchor, one_side * one_anchor], dim=-1),
+    )
 
-    def twice(values: Tensor) -> Tensor:
-        return torch.cat([values, values], dim=1)
 
+def _known(inputs: ZoneInputs, side: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the tokens' features that no round changes (B, M, 27), and the observed (B, N)."""
     count = inputs.mask.sum(dim=-1)
     apart = torch.sqrt((inputs.start[:, :, 0] - inputs.start[:, :, 1]).square().sum(dim=-1) + 1e-4)
     mean_m = (inputs.range * inputs.mask).sum(dim=-1) / count.clamp_min(1)
@@ -69,32 +88,20 @@ def make_token_scene(inputs: ZoneInputs) -> TokenScene:
             fits[..., 1:2] / 2,
             torch.tanh(fits[..., 2:3] / 0.2),
             fits[..., 3:4] / 2,
-            twice(both),
-            twice(observed).unsqueeze(-1),
+            _twice(both),
+            _twice(observed).unsqueeze(-1),
             even.unsqueeze(1).expand(-1, side.shape[1], -1),
             torch.tanh(odd / 2),
             torch.tanh(odd / 20),
         ],
         dim=-1,
     )
-    n = inputs.range.shape[1]
-    number = torch.arange(n, device=inputs.range.device)
-    number = torch.cat([number, number])
-    one_side = (side[0].unsqueeze(1) * side[0].unsqueeze(0) + 1) / 2
-    one_anchor = (number.unsqueeze(1) == number.unsqueeze(0)).to(inputs.range.dtype)
-    return TokenScene(
-        side=side,
-        path=inputs.position.unsqueeze(1) * mirror,
-        velocity=inputs.velocity.unsqueeze(1) * mirror,
-        range=twice(inputs.range),
-        mask=twice(inputs.mask),
-        gap=twice(inputs.height_gap),
-        road=inputs.road.unsqueeze(1) * side.unsqueeze(-1),
-        known=known,
-        step=inputs.step.reshape(-1, 1, 1, 1),
-        observed=twice(observed),
-        kin=torch.stack([one_side, one_anchor, one_side * one_anchor], dim=-1),
-    )
+    return known, observed
+
+
+def _twice(values: Tensor) -> Tensor:
+    """Return what holds for an anchor for both of its tokens."""
+    return torch.cat([values, values], dim=1)
 
 
 def slant_m(scene: TokenScene, place: Tensor) -> tuple[Tensor, Tensor]:

@@ -9,46 +9,30 @@ no layout.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import Field
 
-from gaia_uwb._shared import Array, ConfigError, Float64
+from gaia_uwb._shared import Array, Float64
 from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers._base import Denoiser, Options
-from gaia_uwb.denoisers._onnx import start_session
+from gaia_uwb.denoisers._onnx import TrainedOptions, find_trained, start_network
 from gaia_uwb.denoisers.median import Median, MedianOptions
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import Reason, ReasonKind
 from gaia_uwb.models import (
-    ONNX,
-    Features,
+    WindowInputs,
+    WindowModel,
     blend,
-    find_model,
     largest_median_correction_m,
-    make_features,
-    read_description,
-    read_file,
+    make_window_inputs,
     window_starts,
 )
-
-if TYPE_CHECKING:
-    import onnxruntime
 
 _CHUNK = 256  # windows that the network takes at a time: this bounds the memory
 
 
-class NeuralOptions(Options):
-    """Options of the trained networks."""
-
-    model: str = Field(default="stress", min_length=1)
-    """What it was trained on, for a model inside the package (``stress``, ``outdoor-uwb``); or a
-    folder that ``gaia train`` wrote."""
-
-
-class Neural(Denoiser):
+class WindowNetwork(Denoiser):
     """A trained network; its subclasses name the kinds.
 
     Parameters
@@ -68,21 +52,16 @@ class Neural(Denoiser):
     12
     """
 
-    Options: ClassVar[type[Options]] = NeuralOptions
+    Options: ClassVar[type[Options]] = TrainedOptions
     kind: ClassVar[str]
-    options: NeuralOptions
+    options: TrainedOptions
 
-    def __init__(self, options: NeuralOptions) -> None:
+    def __init__(self, options: TrainedOptions) -> None:
         super().__init__(options)
-        folder = find_model(self.kind, options.model)
-        self.description = read_description(folder)
-        if self.description.network.kind != self.kind:
-            raise ConfigError(
-                f"{folder}: expected a model of kind {self.kind}, got "
-                f"{self.description.network.kind}"
-            )
-        content = read_file(folder, ONNX, self.description)
-        self._session = _session(content, self.description.n_anchors, str(folder / ONNX))
+        folder, self.description = find_trained(self.kind, options.model, WindowModel)
+        n = self.description.n_anchors
+        sizes = dict(zip(WindowInputs._fields, (2, n, n, n), strict=True))
+        self._session = start_network(folder, self.description, sizes)
 
     def __call__(self, episodes: Sequence[Episode]) -> list[DenoisedRanges]:
         """Denoise episodes; see the base class.
@@ -128,8 +107,8 @@ class Neural(Denoiser):
     def _run(self, windows: Sequence[Episode]) -> Float64[Array, "B L N"]:
         """Return the network's ranges in metres; those of mistaken windows come from a median."""
         description = self.description
-        features = make_features(windows, description.n_anchors, description.normalisation)
-        inputs: dict[str, Any] = dict(zip(Features._fields, features, strict=True))
+        features = make_window_inputs(windows, description.n_anchors, description.normalisation)
+        inputs: dict[str, Any] = dict(zip(WindowInputs._fields, features, strict=True))
         (distance,) = self._session.run(["predicted_distance"], inputs)
         range_m = np.asarray(distance, dtype=np.float64) * description.normalisation.scale_m
         mistaken = [
@@ -163,31 +142,21 @@ class Neural(Denoiser):
         )
 
 
-class NeuralMlp(Neural):
+class WindowMlp(WindowNetwork):
     """The paper's MLP: a perceptron on the ranges of a step."""
 
     kind: ClassVar[str] = "mlp"
 
 
-class NeuralPoseMlp(Neural):
+class WindowPoseMlp(WindowNetwork):
     """The paper's PoseMLP: a perceptron on the ranges and the position of a step."""
 
     kind: ClassVar[str] = "pose-mlp"
     uses_pose: ClassVar[bool] = True
 
 
-class NeuralGaia(Neural):
+class WindowGaia(WindowNetwork):
     """The paper's GAIA: temporal refinement, a layout, and ranges that agree with it."""
 
     kind: ClassVar[str] = "gaia"
     uses_pose: ClassVar[bool] = True
-
-
-@lru_cache(maxsize=8)
-def _session(content: bytes, n_anchors: int, source: str) -> onnxruntime.InferenceSession:
-    """Load a network from its file's content; once, as long as that stays the same."""
-    session = start_session(content, source)
-    expected = dict(zip(Features._fields, (2, n_anchors, n_anchors, n_anchors), strict=True))
-    if {part.name: part.shape[-1] for part in session.get_inputs()} != expected:
-        raise ConfigError(f"{source}: cannot run this model: expected the inputs {expected}")
-    return session

@@ -30,9 +30,9 @@ from gaia_uwb.models.checkpoint import (
     read_weights,
     seal,
 )
-from gaia_uwb.models.description import GaiaOptions
+from gaia_uwb.models.description import GaiaArchitecture
 from gaia_uwb.models.plausible_correction import largest_median_correction_m
-from gaia_uwb.models.window_inputs import blend, make_features, window_starts
+from gaia_uwb.models.window_inputs import blend, make_window_inputs, window_starts
 from gaia_uwb.pipeline import reconstruct_episodes
 from tiny_models import NETWORKS, make_run, make_sets, train_tiny
 
@@ -48,7 +48,7 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folders = {"pose-mlp": base}
     for name in sorted(set(NETWORKS) - {"pose-mlp"}):
         folders[name] = tmp_path_factory.mktemp(name)
-        start = base if isinstance(NETWORKS[name], GaiaOptions) else None
+        start = base if isinstance(NETWORKS[name], GaiaArchitecture) else None
         train_tiny(folders[name], NETWORKS[name], sets, base=start, epochs=1)
         allow_corrections_of(None, folders[name])
     return folders
@@ -72,7 +72,7 @@ def run_network(folder: Path, episodes: Sequence[Episode]) -> np.ndarray:
     network = make_network(description.n_anchors, description.network).eval()
     weights = read_weights(folder, description)
     network.load_state_dict({name: torch.from_numpy(value) for name, value in weights.items()})
-    features = make_features(episodes, description.n_anchors, description.normalisation)
+    features = make_window_inputs(episodes, description.n_anchors, description.normalisation)
     with torch.no_grad():
         distance = network(*map(torch.from_numpy, features)).distance.numpy()
     return distance.astype(float) * description.normalisation.scale_m
@@ -139,7 +139,7 @@ def test_many_windows_go_through_in_chunks(
 ) -> None:
     runs = [make_run(seed, n_steps=100) for seed in range(4)]
     whole = denoise(models["gaia"], runs)
-    monkeypatch.setattr("gaia_uwb.denoisers.neural._CHUNK", 3)
+    monkeypatch.setattr("gaia_uwb.denoisers.window_networks._CHUNK", 3)
     for cut, expected in zip(denoise(models["gaia"], runs), whole, strict=True):
         np.testing.assert_allclose(cut.range_m, expected.range_m, atol=1e-4)
 
