@@ -20,10 +20,9 @@ from matplotlib.patches import Circle
 from scipy.optimize import least_squares
 
 from gaia_uwb import PipelineConfig, Scene, read, reconstruct
-from gaia_uwb._shared import Array, Float64
+from gaia_uwb._shared import CHI_SQUARE_90, Array, Float64
 from gaia_uwb.alignment import fit_anchors, gather_readings
 from gaia_uwb.config import AlignmentConfig
-from gaia_uwb.estimate import _CHI_SQUARE_90
 from gaia_uwb.simulate import PRESETS, PassConfig, simulate_pass
 
 OUT = Path(__file__).parents[2] / "docs" / "images" / "concepts"
@@ -275,7 +274,7 @@ def mean_error_m(config: PassConfig) -> tuple[float, ...]:
             covariance_m2 = (anchor.covariance_m2, anchor.mirror_covariance_m2)[better]
             errors.append(float(np.linalg.norm(off_m[better])))
             distance = off_m[better] @ np.linalg.solve(covariance_m2, off_m[better])
-            inside.append(float(distance < _CHI_SQUARE_90))
+            inside.append(float(distance < CHI_SQUARE_90))
             semi_axes_m.append(anchor.semi_axes_90_m[0])
     means = (float(np.mean(values)) for values in (errors, bias_errors, inside))
     return *means, float(np.median(semi_axes_m))

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Bool, Float64
-from gaia_uwb.estimate import _CHI_SQUARE_90
+from gaia_uwb._shared import CHI_SQUARE_90, Array, Bool, Float64
 from gaia_uwb.evaluate import Metric, Test, aggregate
 from gaia_uwb.simulate import find_preset, simulate_episodes
 
@@ -61,7 +60,7 @@ def in_ellipse_90(
 ) -> Bool[Array, "K"]:
     """Return whether 90 % ellipses hold places that are ``off_m`` from their middles."""
     solved = np.linalg.solve(covariance_m2, off_m[..., None])[..., 0]
-    return np.asarray((off_m * solved).sum(axis=-1) <= _CHI_SQUARE_90)
+    return np.asarray((off_m * solved).sum(axis=-1) <= CHI_SQUARE_90)
 
 
 def simulated(preset: str, n: int, seed: int = 0) -> Test:

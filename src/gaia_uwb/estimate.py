@@ -13,7 +13,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64, InputError, check_shape, freeze
+from gaia_uwb._shared import CHI_SQUARE_90, Array, Float64, InputError, check_shape, freeze
 
 
 class AnchorStatus(StrEnum):
@@ -41,8 +41,6 @@ class AnchorStatus(StrEnum):
         """Whether an estimate with this status carries a position at all."""
         return self is not AnchorStatus.TOO_FEW_RANGES
 
-
-_CHI_SQUARE_90 = 2.0 * np.log(10.0)  # 90 % quantile with two degrees of freedom
 
 _MESSAGES = {
     AnchorStatus.OK: "located",
@@ -220,7 +218,7 @@ class AnchorFix:
         if not np.isfinite(self.covariance_m2).all():
             return np.nan, np.nan
         variance_m2 = np.maximum(np.linalg.eigvalsh(self.covariance_m2), 0.0)
-        shorter_m, longer_m = np.sqrt(_CHI_SQUARE_90 * variance_m2)
+        shorter_m, longer_m = np.sqrt(CHI_SQUARE_90 * variance_m2)
         return float(longer_m), float(shorter_m)
 
 

@@ -136,7 +136,7 @@ def test_a_file_that_a_description_names_elsewhere_belongs_to_the_log(tmp_path: 
         f"ranges: [{{file: ../../ranges.csv, format: csv, {columns}}}]\n",
         encoding="utf-8",
     )
-    zone = fleet.Zone("zone", (str(folder),))
+    zone = fleet.ZoneLogs("zone", (str(folder),))
     before = fleet._digest(zone, RAW)
     table.write_text("t,anchor,range\n0,A,1\n", encoding="utf-8")
     assert fleet._digest(zone, RAW) != before

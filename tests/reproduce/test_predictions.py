@@ -14,9 +14,9 @@ from gaia_uwb.pipeline import prepare, reconstruct_episodes
 from gaia_uwb.reproduce import predictions
 from gaia_uwb.reproduce.plan import paper_solver
 from gaia_uwb.reproduce.predictions import (
-    Piece,
     Predictions,
     Solver,
+    Stretch,
     cached_predictions,
     held_out_pieces,
     whole,
@@ -44,7 +44,7 @@ def test_they_are_what_the_pipeline_gives(
 ) -> None:
     pieces = whole("raw" if in_pieces else "pose-kalman", episodes)
     if in_pieces:  # a second piece that nothing is taken from
-        pieces = [[*own, Piece("median", 0, 64, 64)] for own in pieces]
+        pieces = [[*own, Stretch("median", 0, 64, 64)] for own in pieces]
     found = cached_predictions(OutputFolder(tmp_path), "file", episodes, pieces, solvers)
     (name, solver) = next(iter(solvers.items()))
     config = solver.config.model_copy(update={"denoiser": pieces[0][0].denoiser})
@@ -102,8 +102,8 @@ def test_windows_of_a_long_episode_go_to_their_own_models(episodes) -> None:
     for piece in pieces:
         used[piece.used_from : piece.stop] += 1
     np.testing.assert_array_equal(used, 1)
-    assert pieces[1] == Piece("model-1", 64, 128, 64)
+    assert pieces[1] == Stretch("model-1", 64, 128, 64)
     if run.n_steps % 64:
-        assert pieces[-1] == Piece(names[-1], run.n_steps - 64, run.n_steps, len(names) * 64)
+        assert pieces[-1] == Stretch(names[-1], run.n_steps - 64, run.n_steps, len(names) * 64)
     part = held_out_pieces(run.window(64, 128), names, 64, 64)
     assert [piece.denoiser for piece in part] == ["model-1"]

@@ -30,6 +30,8 @@ from .files import visible as visible
 from .html import Mark as Mark
 from .html import sketch as sketch
 from .html import summary as summary
+from .levels import CHI_SQUARE_90 as CHI_SQUARE_90
+from .levels import SIGMAS_90 as SIGMAS_90
 from .strict_yaml import MAX_BYTES as MAX_BYTES
 from .strict_yaml import YamlError as YamlError
 from .strict_yaml import read_yaml as read_yaml

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from gaia_uwb._shared.arrays import Array, Float64
+from gaia_uwb._shared.levels import CHI_SQUARE_90
 from gaia_uwb._shared.text import in_html
 
 _MOST_ROWS = 20
 _MOST_POINTS = 300  # of a path: more than the picture has pixels for
 _WIDTH, _HEIGHT, _MARGIN = 360.0, 220.0, 24.0
-_CHI_90 = np.sqrt(2.0 * np.log(10.0))  # a 90 % ellipse's semi-axes, in standard deviations
 _CONE, _WARNING, _ZONE = "#0072b2", "#d55e00", "#f0e442"
 
 
@@ -140,7 +140,13 @@ def _mark(mark: Mark, at: Float64[Array, "2"], scale: float) -> str:
     if covariance_m2 is not None and np.isfinite(covariance_m2).all():
         # The image of the unit circle under a root of the covariance is the ellipse; y points down.
         value, axes = np.linalg.eigh(covariance_m2)
-        root = _CHI_90 * scale * axes * np.sqrt(np.maximum(value, 0.0)) * np.array([[1.0], [-1.0]])
+        root = (
+            np.sqrt(CHI_SQUARE_90)
+            * scale
+            * axes
+            * np.sqrt(np.maximum(value, 0.0))
+            * np.array([[1.0], [-1.0]])
+        )
         matrix = " ".join(f"{part:.3f}" for part in (*root[:, 0], *root[:, 1], x, y))
         ellipse = (
             f'<circle r="1" transform="matrix({matrix})" fill="{colour}" fill-opacity="0.2" '

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from datetime import datetime
 
-    from gaia_uwb.wzdx import Problem, Zone
+    from gaia_uwb.wzdx import FeedZone, Problem
 
 
 wzdx_app = typer.Typer(help="Write and check work-zone feeds (WZDx, CWZ).", no_args_is_help=True)
@@ -118,7 +118,7 @@ def _date(text: str | None) -> datetime:
         raise ConfigError(f"--update-date: {error}, got {text!r}") from error
 
 
-def _zone(source: str, data_dir: Path | None) -> Zone:
+def _zone(source: str, data_dir: Path | None) -> FeedZone:
     """Read results, or reconstruct a log with the default settings."""
     from gaia_uwb._shared import ConfigError
     from gaia_uwb.wzdx import read_zone, zone_of
@@ -154,7 +154,7 @@ def _print_problems(found: Mapping[Path, list[Problem]] | Mapping[str, list[Prob
     return valid
 
 
-def _print_zone(zone: Zone, paths: Sequence[Path]) -> None:
+def _print_zone(zone: FeedZone, paths: Sequence[Path]) -> None:
     import numpy as np
 
     length_m = float(np.hypot(*np.diff(zone.line_m, axis=0).T).sum())

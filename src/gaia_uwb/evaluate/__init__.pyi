@@ -2,7 +2,6 @@ from .advice import Advice as Advice
 from .bootstrap import paired_difference as paired_difference
 from .bounds import cramer_rao_m as cramer_rao_m
 from .bounds import wrong_sides_probability as wrong_sides_probability
-from .limits import SIGMAS_90 as SIGMAS_90
 from .limits import Limit as Limit
 from .limits import find_limits as find_limits
 from .limits import limits_of_reasons as limits_of_reasons

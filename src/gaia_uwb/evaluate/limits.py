@@ -12,15 +12,12 @@ from functools import cached_property
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Bool, Float64, metres, percent, printable
+from gaia_uwb._shared import SIGMAS_90, Array, Bool, Float64, metres, percent, printable
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
 from gaia_uwb.evaluate.advice import Advice
 from gaia_uwb.evaluate.residuals import range_residual_m
-
-SIGMAS_90 = 1.645
-"""A normally distributed number is within so many standard deviations with 90 % probability."""
 
 _CLOCK_SHIFT_M = 0.1  # a clock that is known worse than this moves the cones visibly
 _FEW_RANGES = 30

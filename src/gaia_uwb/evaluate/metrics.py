@@ -39,7 +39,7 @@ from typing import Literal
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Bool, Float64, InputError, Symmetric
+from gaia_uwb._shared import CHI_SQUARE_90, Array, Bool, Float64, InputError, Symmetric
 from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.episode import Episode, EpisodeTruth
 from gaia_uwb.estimate import AnchorFix
@@ -47,7 +47,6 @@ from gaia_uwb.evaluate.bootstrap import bootstrap_mean
 from gaia_uwb.evaluate.rigid_alignment import rigid_align, rotation_matrix
 from gaia_uwb.zone import hausdorff, polygon_iou
 
-_CHI2_90 = -2.0 * np.log(0.1)  # 90 % quantile of chi-squared with 2 degrees of freedom
 _OPEN_ABOVE = 0.1  # the probability of a mirror place beyond which a side counts as open
 _LEAST_SEPARATION_M = 0.1
 _LEAST_SEPARATION_SIGMA = 3.0
@@ -283,7 +282,7 @@ def _inside(
     with np.errstate(invalid="ignore"):
         determinant_m4 = ellipse.determinant()
         square_m4 = Symmetric(ellipse.yy, -ellipse.xy, ellipse.xx).square(*off_m.T)
-        inside = (square_m4 <= _CHI2_90 * determinant_m4) & (determinant_m4 > 0)
+        inside = (square_m4 <= CHI_SQUARE_90 * determinant_m4) & (determinant_m4 > 0)
     return np.asarray(inside & np.isfinite(covariance_m2).all(axis=(1, 2)))
 
 

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 from gaia_uwb._shared import ConfigError, OutputFolder, temporary_path
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.fleet.zones import KILLED, ONE_THREAD, Zone, ZoneResult, reconstruct_zone
+from gaia_uwb.fleet.zones import KILLED, ONE_THREAD, ZoneLogs, ZoneResult, reconstruct_zone
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -57,7 +57,7 @@ class _Terms:
 
 
 def reconstruct_on_scheduler(
-    zones: Sequence[Zone], out: Path, config: PipelineConfig, address: str
+    zones: Sequence[ZoneLogs], out: Path, config: PipelineConfig, address: str
 ) -> Iterator[ZoneResult]:
     """Reconstruct zones on the workers of a Dask scheduler and yield each as it is done.
 
@@ -82,7 +82,7 @@ def reconstruct_on_scheduler(
         with _lost_is_an_error(address):
             _check_all(client, address, terms)
         work = _Work(client, address, config, terms)
-        killed: list[Zone] = []
+        killed: list[ZoneLogs] = []
         for zone, result in work.results(zones):
             if result is None:
                 killed.append(zone)
@@ -228,7 +228,7 @@ def _shared(path: Path | str) -> str:
 
 
 def reconstruct_as_worker(
-    zone: Zone, logs: Sequence[str], config: PipelineConfig, terms: _Terms
+    zone: ZoneLogs, logs: Sequence[str], config: PipelineConfig, terms: _Terms
 ) -> ZoneResult:
     """Reconstruct a zone as a task of Dask's.
 
@@ -272,10 +272,10 @@ class _Work:
     config: PipelineConfig
     terms: _Terms
 
-    def results(self, zones: Sequence[Zone]) -> Iterator[tuple[Zone, ZoneResult | None]]:
+    def results(self, zones: Sequence[ZoneLogs]) -> Iterator[tuple[ZoneLogs, ZoneResult | None]]:
         """Yield each zone with its result, or with None if too many workers died that held it."""
         waiting = list(reversed(zones))
-        running: dict[Future[ZoneResult], Zone] = {}
+        running: dict[Future[ZoneResult], ZoneLogs] = {}
         done: SimpleQueue[Future[ZoneResult]] = SimpleQueue()
         while waiting or running:
             with _lost_is_an_error(self.address):
@@ -297,7 +297,7 @@ class _Work:
                 self._raise_unless_killed(error)
             yield running.pop(job), result
 
-    def _submit(self, zone: Zone) -> Future[ZoneResult]:
+    def _submit(self, zone: ZoneLogs) -> Future[ZoneResult]:
         logs = [log for log in zone.logs if Path(log).exists()]
         return self.client.submit(
             reconstruct_as_worker, zone, logs, self.config, self.terms, pure=False

@@ -12,11 +12,11 @@ from pathlib import Path
 
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.fleet.dask import reconstruct_on_scheduler
-from gaia_uwb.fleet.zones import KILLED, ONE_THREAD, Zone, ZoneResult, reconstruct_zone
+from gaia_uwb.fleet.zones import KILLED, ONE_THREAD, ZoneLogs, ZoneResult, reconstruct_zone
 
 
 def reconstruct_fleet(
-    zones: Sequence[Zone],
+    zones: Sequence[ZoneLogs],
     out: Path,
     config: PipelineConfig,
     *,
@@ -50,13 +50,13 @@ def reconstruct_fleet(
 
 
 def _in_processes(
-    zones: Sequence[Zone], out: Path, config: PipelineConfig, workers: int
+    zones: Sequence[ZoneLogs], out: Path, config: PipelineConfig, workers: int
 ) -> Iterator[ZoneResult]:
     waiting = list(reversed(zones))
     while waiting:
-        killed: list[Zone] = []
+        killed: list[ZoneLogs] = []
         with _processes(workers) as pool:
-            running: dict[Future[ZoneResult], Zone] = {}
+            running: dict[Future[ZoneResult], ZoneLogs] = {}
             while running or (waiting and not killed):
                 while waiting and not killed and len(running) < 2 * workers:
                     zone = waiting[-1]
@@ -85,7 +85,7 @@ def _processes(workers: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
 
 
-def _alone(zone: Zone, out: Path, config: PipelineConfig) -> ZoneResult:
+def _alone(zone: ZoneLogs, out: Path, config: PipelineConfig) -> ZoneResult:
     """Reconstruct one zone in a process of its own."""
     with _processes(1) as pool:
         try:

@@ -45,7 +45,7 @@ _LONGEST_NAME, _LONGEST_LOG = 200, 4096  # bytes, characters; file systems allow
 
 
 @dataclass(frozen=True)
-class Zone:
+class ZoneLogs:
     """The logs of one zone.
 
     Parameters
@@ -82,7 +82,7 @@ class ZoneResult:
     failures: tuple[Failure, ...]
 
     @classmethod
-    def failed(cls, zone: Zone, problem: str) -> ZoneResult:
+    def failed(cls, zone: ZoneLogs, problem: str) -> ZoneResult:
         """Return what is said of a zone without a result.
 
         Parameters
@@ -94,13 +94,13 @@ class ZoneResult:
 
         Examples
         --------
-        >>> ZoneResult.failed(Zone("north", ()), "no logs").failures
+        >>> ZoneResult.failed(ZoneLogs("north", ()), "no logs").failures
         (Failure(zone='north', log='', problem='no logs'),)
         """
         return cls(zone.name, "failed", 0, 0, 0, 0.0, (Failure(zone.name, "", problem),))
 
 
-def find_zones(source: Path, out: Path | None = None) -> list[Zone]:
+def find_zones(source: Path, out: Path | None = None) -> list[ZoneLogs]:
     """Return the zones of a manifest, or of a folder that holds a folder of logs for each zone.
 
     Parameters
@@ -114,7 +114,7 @@ def find_zones(source: Path, out: Path | None = None) -> list[Zone]:
 
     Returns
     -------
-    list of Zone
+    list of ZoneLogs
         Sorted by name, at least one.
 
     Raises
@@ -149,7 +149,7 @@ def find_zones(source: Path, out: Path | None = None) -> list[Zone]:
         if longest > _LONGEST_LOG:
             problem = f"zone {shown(name)}: a log's path of {longest:,} characters"
             raise InputError(problem, source=source)
-    return [Zone(name, tuple(sorted(set(zones[name])))) for name in sorted(zones)]
+    return [ZoneLogs(name, tuple(sorted(set(zones[name])))) for name in sorted(zones)]
 
 
 def _can_name_a_folder(name: str) -> bool:
@@ -220,7 +220,7 @@ def _folder(source: Path, out: Path | None) -> dict[str, list[str]]:
     return zones
 
 
-def reconstruct_zone(zone: Zone, folder: Path, config: PipelineConfig) -> ZoneResult:
+def reconstruct_zone(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> ZoneResult:
     """Fuse the passes of one zone and write its results, or read what was written before.
 
     Parameters
@@ -257,7 +257,7 @@ def reconstruct_zone(zone: Zone, folder: Path, config: PipelineConfig) -> ZoneRe
     return result
 
 
-def _fused(zone: Zone, folder: Path, config: PipelineConfig) -> ZoneResult:
+def _fused(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> ZoneResult:
     from gaia_uwb.api import load_scenes
     from gaia_uwb.locate import in_one_frame, same_drive
     from gaia_uwb.outputs import write_all
@@ -296,7 +296,7 @@ def _fused(zone: Zone, folder: Path, config: PipelineConfig) -> ZoneResult:
     )
 
 
-def _digest(zone: Zone, config: PipelineConfig) -> str:
+def _digest(zone: ZoneLogs, config: PipelineConfig) -> str:
     """Return what names a zone's logs, with the size and time of each file, and the settings."""
     from gaia_uwb.denoisers import denoiser_identity
     from gaia_uwb.logs import named_elsewhere

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from gaia_uwb._shared import Array, OutputFolder
+from gaia_uwb._shared import CHI_SQUARE_90, Array, OutputFolder
 from gaia_uwb.learn.loop import Progress, Task, Training, unwatched
 from gaia_uwb.learn.networks import (
     GaiaSet,
@@ -28,8 +28,6 @@ __all__ = ["ZoneTask", "train_zone"]
 
 _LEAST_MATRIX = 16  # rows and columns of the smallest weights between layers; smaller are heads
 _MATRIX_DECAY = 0.01
-_ELLIPSE_SHARE = 0.9
-_CHI2_90 = -2.0 * math.log(1 - _ELLIPSE_SHARE)  # with two degrees of freedom
 _CALIBRATED_ON = "wild"
 _CALIBRATED_STEPS = (64, 256, 1024)
 
@@ -173,7 +171,7 @@ class _ZoneTraining(Training[ZoneModel]):
             square = square + ll * off[..., 1] ** 2
             better = square.gather(-1, density.argmax(dim=-1, keepdim=True)).squeeze(-1)
             squares.append(better[inputs[3].amax(dim=-1) > 0])
-        return float(torch.quantile(torch.cat(squares), _ELLIPSE_SHARE)) / _CHI2_90
+        return float(torch.quantile(torch.cat(squares), 0.9)) / CHI_SQUARE_90
 
     def describe(self, line: dict[str, Any]) -> ZoneModel:
         shares = ", ".join(f"{share:.0%} {kind}" for kind, share in MIX.items())

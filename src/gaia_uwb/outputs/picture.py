@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gaia_uwb._shared import SCREEN_DPI, Array, Float64, printable
+from gaia_uwb._shared import CHI_SQUARE_90, SCREEN_DPI, Array, Float64, printable
 from gaia_uwb.estimate import BoundaryStatus
 from gaia_uwb.locate import end_to_end, starts_s
 from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
@@ -31,7 +31,6 @@ _PATH, _ZONE, _WARNING, _INK = "#9A9A9A", "#F0E442", "#B3400A", "#222222"
 _SIZE_IN = (10.0, 9.0)
 _MOST_RANGES = 100_000  # more dots than this the picture has no pixels for
 _MOST_NAMES = 12
-_CHI_SQUARE_90 = 2.0 * np.log(10.0)  # 90 % quantile with two degrees of freedom
 _NAME_POINTS = 8.5  # font size of the cones' names
 
 
@@ -129,7 +128,7 @@ def _ellipses(covariance_m2: Float64[Array, "K 2 2"]) -> Float64[Array, "K E 2"]
     variance_m2, axis = np.linalg.eigh(np.where(known[:, None, None], covariance_m2, 0.0))
     angle = np.linspace(0.0, 2.0 * np.pi, 49)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    semi_m = np.sqrt(_CHI_SQUARE_90 * np.maximum(variance_m2, 0.0))
+    semi_m = np.sqrt(CHI_SQUARE_90 * np.maximum(variance_m2, 0.0))
     semi_m[~known] = np.nan
     return np.asarray((circle * semi_m[:, None]) @ np.swapaxes(axis, 1, 2))
 

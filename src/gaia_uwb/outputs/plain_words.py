@@ -11,11 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64, in_markdown, metres, percent
+from gaia_uwb._shared import SIGMAS_90, Array, Float64, in_markdown, metres, percent
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, BoundaryStatus
 from gaia_uwb.evaluate import (
-    SIGMAS_90,
     Advice,
     Limit,
     find_limits,

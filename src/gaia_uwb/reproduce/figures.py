@@ -17,8 +17,8 @@ from gaia_uwb.learn import plot_losses
 from gaia_uwb.reproduce.formats import QUICK_MARK
 from gaia_uwb.reproduce.plan import METHODS
 from gaia_uwb.reproduce.plots import (
+    DrawnZone,
     GateRecord,
-    Zone,
     plot_boxes,
     plot_cdfs,
     plot_error_over_distance,
@@ -157,7 +157,7 @@ def _scores(table: Table) -> dict[str, dict[str, Float64[Array, "_"]]]:
     }
 
 
-def _zones(table: Table) -> list[Zone]:
+def _zones(table: Table) -> list[DrawnZone]:
     """Return the episodes at the quartiles of GAIA's IoU."""
     rows = _rows(table)
     iou = rows["gaia"].values("polygon_iou")
@@ -170,7 +170,7 @@ def _zones(table: Table) -> list[Zone]:
     ]
 
 
-def _zone(table: Table, rows: Mapping[str, Row], k: int, title: str) -> Zone:
+def _zone(table: Table, rows: Mapping[str, Row], k: int, title: str) -> DrawnZone:
     episode = table.episodes[k]
     if episode.truth is None:
         raise ValueError(f"{episode.name}: expected its truth")
@@ -181,7 +181,7 @@ def _zone(table: Table, rows: Mapping[str, Row], k: int, title: str) -> Zone:
             anchors = rows[name].predictions[0].anchors[table.solver][k]
             places_m = np.array([fix.position_m for fix in anchors])[observed]
             found_m[name] = places_m[np.isfinite(places_m).all(axis=1)]
-    return Zone(title, episode.position_m, episode.truth.anchor_m[observed], found_m)
+    return DrawnZone(title, episode.position_m, episode.truth.anchor_m[observed], found_m)
 
 
 def _training_log(workshop: Workshop) -> list[dict[str, Any]]:

@@ -32,7 +32,7 @@ from gaia_uwb.reproduce.plan import (
     existing_methods,
     paper_solver,
 )
-from gaia_uwb.reproduce.predictions import Piece, Pieces, Solver, held_out_pieces, whole
+from gaia_uwb.reproduce.predictions import Pieces, Solver, Stretch, held_out_pieces, whole
 from gaia_uwb.reproduce.scores import NO_SPLIT, Row, Table, score_row
 from gaia_uwb.reproduce.trainings import Data, Training, outdoor_training
 from gaia_uwb.reproduce.workshop import OUTDOOR, Workshop
@@ -217,7 +217,7 @@ def _fold_sources(
 
 def _pieces(cut: _Cut, source: _Source) -> Pieces:
     return [
-        [Piece(names[0], 0, episode.n_steps, 0)]
+        [Stretch(names[0], 0, episode.n_steps, 0)]
         if len(names) == 1
         else held_out_pieces(episode, names, start, WINDOW_STEPS)
         for episode, (run, start) in zip(cut.episodes, cut.places, strict=True)

@@ -50,6 +50,7 @@ ALIGNMENT_METRICS = {
 def _stress_part(
     workshop: Workshop, name: str, table: Table, paper: Mapping[str, Sequence[float]]
 ) -> dict[str, Any]:
+    workshop.stress_tables[name] = table
     content = table_json(table)
     text = f"{results_markdown(content, paper)}\n{differences_markdown(content)}"
     _write(workshop, f"{name}.md", text)
@@ -67,7 +68,7 @@ def make_table1(workshop: Workshop) -> dict[str, Any]:
     workshop
         What all parts need.
     """
-    tables = workshop.made["table1"] = outdoor.outdoor_tables(workshop)
+    tables = workshop.outdoor_tables = outdoor.outdoor_tables(workshop)
     contents = {name: table_json(table) for name, table in tables.items()}
     texts, latex = [], []
     for name, content in contents.items():
@@ -91,7 +92,7 @@ def make_table2(workshop: Workshop) -> dict[str, Any]:
     workshop
         What all parts need.
     """
-    table = workshop.made["table2"] = stress_test.stress_table(workshop, existing_methods())
+    table = stress_test.stress_table(workshop, existing_methods())
     return _stress_part(workshop, "table2", table, TABLE_2)
 
 
@@ -115,7 +116,7 @@ def make_table4(workshop: Workshop) -> dict[str, Any]:
     workshop
         What all parts need.
     """
-    content = workshop.made["table4"] = robustness.robustness_table(workshop)
+    content = workshop.robustness = robustness.robustness_table(workshop)
     _write(workshop, "table4.md", summary_markdown(content))
     _write(workshop, "table4.tex", robustness_latex(content))
     _write(workshop, "table4.csv", robustness_csv(content))
@@ -179,10 +180,16 @@ def make_figures(workshop: Workshop) -> dict[str, Any]:
     from gaia_uwb.reproduce.figures import draw_figures
 
     for name in ("table1", "table2", "table4", "table5"):
-        if name not in workshop.made and not (name == "table5" and _is_fresh(workshop, name)):
+        if name not in workshop.parts and not (name == "table5" and _is_fresh(workshop, name)):
             run_part(workshop, name)
-    made = workshop.made
-    return {"figures": draw_figures(workshop, made["table2"], made["table1"], made["table4"])}
+    return {
+        "figures": draw_figures(
+            workshop,
+            workshop.stress_tables["table2"],
+            workshop.outdoor_tables,
+            workshop.robustness,
+        )
+    }
 
 
 PARTS: dict[str, Callable[[Workshop], dict[str, Any]]] = {
@@ -217,7 +224,7 @@ def run_part(workshop: Workshop, name: str) -> dict[str, Any]:
     content["key"] = _part_key(workshop)
     content["quick"] = workshop.plan.quick
     workshop.ledger = outer
-    workshop.made.setdefault(name, content)
+    workshop.parts.add(name)
     results = read_results(workshop)
     results["parts"][name] = content
     _write_results(workshop, results)

@@ -42,7 +42,7 @@ _STATUSES = tuple(AnchorStatus)
 
 
 @dataclass(frozen=True)
-class Piece:
+class Stretch:
     """Steps of an episode that one denoiser takes by themselves.
 
     Parameters
@@ -61,7 +61,7 @@ class Piece:
     used_from: int
 
 
-Pieces = Sequence[Sequence[Piece]]
+Pieces = Sequence[Sequence[Stretch]]
 """For each episode, pieces that cover it."""
 
 
@@ -113,7 +113,7 @@ def whole(denoiser: str, episodes: Sequence[Episode]) -> Pieces:
     episodes
         Any.
     """
-    return [[Piece(denoiser, 0, episode.n_steps, 0)] for episode in episodes]
+    return [[Stretch(denoiser, 0, episode.n_steps, 0)] for episode in episodes]
 
 
 def cached_predictions(
@@ -182,7 +182,7 @@ def denoise(episodes: Sequence[Episode], pieces: Pieces) -> list[DenoisedRanges]
 
 def held_out_pieces(
     episode: Episode, denoisers: Sequence[str], first_step: int, length: int
-) -> list[Piece]:
+) -> list[Stretch]:
     """Let each window of a long episode be denoised by the model that has not seen it.
 
     Parameters
@@ -201,16 +201,16 @@ def held_out_pieces(
     starts = range(0, episode.n_steps - length + 1, length)
     for start in starts:
         name = denoisers[(first_step + start) // length]
-        pieces.append(Piece(name, start, start + length, start))
+        pieces.append(Stretch(name, start, start + length, start))
     rest = len(starts) * length
     if rest < episode.n_steps:
         start = max(0, episode.n_steps - length)
         last = denoisers[min((first_step + rest) // length, len(denoisers) - 1)]
-        pieces.append(Piece(last, start, episode.n_steps, rest))
+        pieces.append(Stretch(last, start, episode.n_steps, rest))
     return pieces
 
 
-def _window(episode: Episode, piece: Piece) -> Episode:
+def _window(episode: Episode, piece: Stretch) -> Episode:
     if (piece.start, piece.stop) == (0, episode.n_steps):
         return episode
     return episode.window(piece.start, piece.stop)

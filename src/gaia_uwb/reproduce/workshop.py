@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from gaia_uwb._shared import OutputFolder
@@ -22,6 +23,7 @@ from gaia_uwb.reproduce.plan import (
     paper_solver,
 )
 from gaia_uwb.reproduce.predictions import Pieces, Predictions, Solver, cached_predictions
+from gaia_uwb.reproduce.scores import Table
 from gaia_uwb.reproduce.trainings import (
     MODELS,
     Training,
@@ -85,8 +87,16 @@ class Workshop:
     watch: Callable[[str], None] = lambda text: None
     workers: int = field(default_factory=n_cores)
     ledger: Ledger = field(default_factory=Ledger)
-    made: dict[str, Any] = field(default_factory=dict)
-    """What parts have made in this call, for others."""
+    parts: set[str] = field(default_factory=set)
+    """The parts that were made in this call."""
+    outdoor_tables: dict[str, Table] = field(default_factory=dict)
+    """Table 1 by its variants, once it is made."""
+    stress_tables: dict[str, Table] = field(default_factory=dict)
+    """Table 2 and the ablation by their parts' names, once they are made."""
+    robustness: dict[str, Any] = field(default_factory=dict)
+    """Table 4, once it is made."""
+    _runs: dict[str, tuple[Episode, ...]] = field(default_factory=dict)
+    _trained: set[Path] = field(default_factory=set)
 
     @property
     def models(self) -> OutputFolder:
@@ -112,17 +122,15 @@ class Workshop:
         preparation
             ``aligned`` or ``published``.
         """
-        name = f"runs/{preparation}"
-        if name not in self.made:
+        if preparation not in self._runs:
             options = WindowSetOptions().model_copy(update={"preparation": preparation})
             scenes = self.scenes
             if self.plan.n_layouts is not None:
                 layouts = sorted({scene.name.rpartition("/")[2] for scene in scenes})
                 kept = layouts[: self.plan.n_layouts]
                 scenes = [scene for scene in scenes if scene.name.rpartition("/")[2] in kept]
-            self.made[name] = tuple(prepare_runs(scenes, options))
-        runs: tuple[Episode, ...] = self.made[name]
-        return runs
+            self._runs[preparation] = tuple(prepare_runs(scenes, options))
+        return self._runs[preparation]
 
     def stress_trainings(self, methods: Sequence[Method]) -> dict[str, list[Training]]:
         """Return the trainings of methods for the stress test, one for each seed.
@@ -156,14 +164,13 @@ class Workshop:
         """
         wanted = with_bases(trainings, self.plan)
         self.ledger.trainings |= {str(training.place): training for training in wanted}
-        trained = self.made.setdefault("trained", set())
-        jobs = [t.job() for t in wanted if t.place not in trained]
+        jobs = [t.job() for t in wanted if t.place not in self._trained]
         if jobs:
             start = time.monotonic()
             self.watch(f"{len(jobs)} models to be trained or checked")
             run_jobs(jobs, self.workers, self.watch)
             self.watch(f"models are there after {time.monotonic() - start:.0f} s")
-            trained |= {training.place for training in wanted}
+            self._trained |= {training.place for training in wanted}
 
     def predict(
         self,

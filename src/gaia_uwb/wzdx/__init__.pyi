@@ -11,6 +11,6 @@ from .settings import make_feed_config as make_feed_config
 from .validate import MOST_PROBLEMS as MOST_PROBLEMS
 from .validate import validate_document as validate_document
 from .validate import validate_files as validate_files
-from .zone import Zone as Zone
+from .zone import FeedZone as FeedZone
 from .zone import read_zone as read_zone
 from .zone import zone_of as zone_of

@@ -32,7 +32,7 @@ from gaia_uwb.wzdx.wording import (
     shortened,
 )
 from gaia_uwb.wzdx.words import CC0, VERSIONS
-from gaia_uwb.wzdx.zone import Zone
+from gaia_uwb.wzdx.zone import FeedZone
 
 WORK_ZONE_FILE, DEVICE_FILE = "work-zone-feed.geojson", "device-feed.geojson"
 DECIMALS = 7
@@ -56,7 +56,7 @@ class Feeds:
     device: Json
 
 
-def make_feeds(zone: Zone, config: FeedConfig, update_date: datetime) -> Feeds:
+def make_feeds(zone: FeedZone, config: FeedConfig, update_date: datetime) -> Feeds:
     """Return both feeds of a work zone.
 
     Parameters
@@ -118,7 +118,7 @@ def feed_text(feed: Json) -> str:
 class _Writer:
     """Makes the members of both feeds."""
 
-    zone: Zone
+    zone: FeedZone
     config: FeedConfig
     date: str
     cones: tuple[AnchorFix, ...]  # upstream to downstream
@@ -126,7 +126,7 @@ class _Writer:
     line_degrees: list[list[float]]
 
     @classmethod
-    def of(cls, zone: Zone, config: FeedConfig, update_date: datetime) -> _Writer:
+    def of(cls, zone: FeedZone, config: FeedConfig, update_date: datetime) -> _Writer:
         try:
             date = date_text(update_date)
         except ValueError as error:
@@ -304,7 +304,7 @@ class _Writer:
         }
 
 
-def _degrees(zone: Zone, position_m: Float64[Array, "K 2"]) -> list[list[float]]:
+def _degrees(zone: FeedZone, position_m: Float64[Array, "K 2"]) -> list[list[float]]:
     found: list[list[float]] = lon_lat(zone.frame, position_m).round(DECIMALS).tolist()
     return found
 

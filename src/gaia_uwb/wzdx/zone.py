@@ -27,7 +27,7 @@ _LONGEST_TEXT = 1000
 
 
 @dataclass(frozen=True)
-class Zone:
+class FeedZone:
     """A reconstructed work zone with a place on Earth.
 
     Parameters
@@ -69,7 +69,7 @@ class Zone:
     stated: tuple[str, ...]
 
 
-def zone_of(reconstruction: Reconstruction) -> Zone:
+def zone_of(reconstruction: Reconstruction) -> FeedZone:
     """Return the work zone that a reconstruction found.
 
     Raises
@@ -90,7 +90,7 @@ def zone_of(reconstruction: Reconstruction) -> Zone:
     )
 
 
-def read_zone(folder: Path) -> Zone:
+def read_zone(folder: Path) -> FeedZone:
     """Return the work zone whose results ``gaia reconstruct`` has written.
 
     Parameters
@@ -203,7 +203,7 @@ def _make_zone(
     hull_m: Float64[Array, "H 2"],
     reasons: tuple[Reason, ...] | None,
     stated: tuple[str, ...],
-) -> Zone:
+) -> FeedZone:
     """Put cones and line into the order of travel; ``reasons`` is None for a reliable result."""
     if frame is None:
         raise _without_place(name)
@@ -220,7 +220,7 @@ def _make_zone(
     order = np.argsort(along_m, kind="stable")
     doubts = () if reasons is None else _doubts(reasons)
     across = tuple(_across(located, line_m))
-    return Zone(
+    return FeedZone(
         name=name,
         frame=frame,
         cones=tuple(located[k] for k in order),

@@ -5,6 +5,6 @@ from .errors import plot_error_over_distance as plot_error_over_distance
 from .errors import plot_quantiles as plot_quantiles
 from .gates import GateRecord as GateRecord
 from .gates import plot_gate as plot_gate
-from .layouts import Zone as Zone
+from .layouts import DrawnZone as DrawnZone
 from .layouts import plot_layouts as plot_layouts
 from .robustness import plot_robustness as plot_robustness

@@ -24,7 +24,7 @@ _LONG = 2.5  # zones that are longer than wide by more get a scale for each dire
 
 
 @dataclass(frozen=True)
-class Zone:
+class DrawnZone:
     """One episode's zone.
 
     Parameters
@@ -45,7 +45,7 @@ class Zone:
     found_m: Mapping[str, Float64[Array, "_ 2"]]
 
 
-def plot_layouts(zones: Sequence[Sequence[Zone]], row_titles: Sequence[str] = ()) -> Figure:
+def plot_layouts(zones: Sequence[Sequence[DrawnZone]], row_titles: Sequence[str] = ()) -> Figure:
     """Draw zones from above.
 
     Parameters
@@ -72,7 +72,7 @@ def plot_layouts(zones: Sequence[Sequence[Zone]], row_titles: Sequence[str] = ()
     return figure
 
 
-def _draw(axes: Axes, zone: Zone) -> None:
+def _draw(axes: Axes, zone: DrawnZone) -> None:
     turn, centre_m = _level(zone.true_m)
 
     def turned(points_m: Float64[Array, "K 2"]) -> Float64[Array, "K 2"]:
