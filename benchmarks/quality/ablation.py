@@ -1,10 +1,10 @@
-"""What the parts of gaia-set are worth: writes docs/gaia-set-ablation.md.
+"""Measures what each part of gaia-set contributes and writes docs/gaia-set-ablation.md.
 
     python benchmarks/quality/ablation.py --out out/ablation [--portions 12] [--workers 2]
 
-Every variant is trained anew on the same scenes for the same number of portions, far fewer than the
-shipped model's, and scored on validation scenes: training layouts, but other scenes. So nothing
-that is tested on is looked at. A training that was stopped goes on where it was.
+Every variant is trained from scratch on the same scenes for the same number of portions, far fewer
+than the shipped model's, and scored on validation scenes: training layouts, but other scenes. So
+no test data are used. An interrupted training resumes where it stopped.
 """
 
 from __future__ import annotations
@@ -33,14 +33,15 @@ KINDS = ("wild", "roaming", "stress")
 METRICS = {
     "distance_mse_overall": "range MSE (m²)",
     "wrong_side_share": "wrong sides",
-    "scene": "−ln likelihood of an anchor's place",
+    "scene": "−ln likelihood of an anchor's position",
 }
 HEAD = """\
 # gaia-set: without one of its parts
 
-Written by `python benchmarks/quality/ablation.py`; not edited by hand. One seed ({seed}),
-{portions} portions of {episodes} scenes for every variant (the shipped model: {shipped}),
-{validation} validation scenes of each kind. Lower is better in every column.
+Written by `python benchmarks/quality/ablation.py`; not edited by hand. Every
+variant is trained with one seed ({seed}) on {portions} portions of {episodes} scenes (the shipped
+model: {shipped} portions) and scored on {validation} validation scenes of each kind. Lower is
+better in every column.
 """
 
 

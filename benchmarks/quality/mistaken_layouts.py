@@ -6,7 +6,7 @@
 A window that GAIA corrects farther than the limit gets a running median. The limit is a multiple of
 a quantile of what the training windows need (``plausible_correction.py``). Each model is looked at
 on its own validation windows, which are neither in its training nor in any test. Printed are the
-mean squared range error in m^2 and the number of windows that were given to the median.
+mean squared range error in m² and the number of windows that were given to the median.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def look(folder: Path, sets: WindowSets) -> dict[str, np.ndarray]:
 
 
 def squared_errors(found: list[DenoisedRanges], episodes: tuple[Episode, ...]) -> np.ndarray:
-    """Return the mean squared range error of each window that has ranges, in m^2; else NaN."""
+    """Return the mean squared range error of each window that has ranges, in m²; else NaN."""
     errors = []
     for ranges, episode in zip(found, episodes, strict=True):
         assert episode.truth is not None

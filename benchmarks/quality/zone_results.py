@@ -1,11 +1,11 @@
-"""What gaia-set does on zones that it has never seen: writes docs/gaia-set-results.md.
+"""Scores gaia-set on unseen zones and writes docs/gaia-set-results.md.
 
     gaia train gaia --data sim:wild --out out/wild-gaia          # the paper's network, same data
     gaia train gaia-set --data sim:mixed --seed 1 --out out/set1  # more seeds, where wanted
     python benchmarks/quality/zone_results.py --paper out/wild-gaia --model mixed --model out/set1
 
-The outdoor UWB data set is looked for in GAIA_DATA_DIR or the user's cache. Nothing here is tuned:
-layouts of `wild-test` and `stress-test` are in no training, and no real range is in any of it.
+The outdoor UWB data set is expected in GAIA_DATA_DIR or the user's cache. Nothing here is tuned:
+no training contains layouts of `wild-test` or `stress-test`, or any real range.
 """
 
 from __future__ import annotations
@@ -59,35 +59,45 @@ COLUMNS = {
     "region_coverage_90": "90 % region",
     "region_coverage_90_aligned": "90 % region, aligned",
 }
+BOUND_TITLES = {
+    "median ratio to the bound": "median ratio of the error to the bound",
+    "least share of wrong scenes": "lowest possible share of scenes with wrong sides",
+    "scenes that ranges alone leave open": "share of scenes whose sides ranges alone leave open",
+    "wrong sides in the other scenes": "share of wrong sides in the other scenes",
+    "anchors in the other scenes": "number of anchors in the other scenes",
+}
 HEAD = """\
 # gaia-set: results
 
-Written by `python benchmarks/quality/zone_results.py`; not edited by hand. What the model is, what
-was tried and what bounds it: [design-notes.md](design-notes.md). Means over episodes with 95 %
-bootstrap intervals (over runs on real data, eight of them: rather too short). `gaia-set` is trained
-on simulation only; where several seeds are named, its rows are means over them. All rows are
-without labels, unless they say "labels"; places are `gaia-set`'s own, or the robust solver's. The
-*90 % region* of an anchor is its ellipse and, where the side is called open (the mirror place keeps
-more than 10 %), that of the mirror place too.
+Written by `python benchmarks/quality/zone_results.py`; not edited by hand.
+[design-notes.md](design-notes.md) describes the model, what was tried and what limits it. The
+numbers are means over episodes with 95 % bootstrap intervals. On real data the bootstrap draws
+whole runs; with only eight, these intervals tend to be too short. `gaia-set` is trained on
+simulation only; where several seeds are named, its rows are means over them. No row uses labels
+unless it says "labels". Positions are `gaia-set`'s own or those of the robust solver. The
+*90 % region* of an anchor is its 90 % ellipse. If the side is open (the mirror position keeps a
+probability above 10 %), the region also includes the ellipse of the mirror position.
 """
 
 
 ROBUSTNESS = """\
-### Made worse
+### Under more stress
 
-Mean IoU on `stress-test` at every setting of every stressor of table 4. `gaia-set`: all seeds, its
-own places, no labels. The others: the model inside the package, `wls`, with the true NLOS labels,
-as in table 4.
+Mean IoU on `stress-test` at every setting of every stressor of table 4. `gaia-set` uses all seeds,
+its own positions and no labels. The others use the model inside the package and `wls` with the
+true NLOS labels, as in table 4.
 """
 
 
 def main() -> None:
     """Score, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--model", action="append", help="gaia-set's model; may be given again")
-    parser.add_argument("--paper", help="folder of the paper's GAIA trained on sim:wild")
+    parser.add_argument("--model", action="append", help="model of gaia-set; repeat for several")
+    parser.add_argument("--paper", help="folder of the paper's GAIA, trained on sim:wild")
     parser.add_argument("--episodes", type=int, default=N_SIMULATED)
-    parser.add_argument("--passes", type=int, default=N_PASSES, help="whole passes of each kind")
+    parser.add_argument(
+        "--passes", type=int, default=N_PASSES, help="number of whole passes of each kind"
+    )
     parser.add_argument("--data-dir", type=Path)
     parser.add_argument("--out", type=Path, default=PAGE.parent)
     given = parser.parse_args()
@@ -207,7 +217,7 @@ def by_seed(test: Test, scores: Scores, models: Sequence[str]) -> dict[str, dict
 
 
 def bounds(episodes: Sequence[Episode], models: Sequence[str]) -> dict[str, float]:
-    """Return how near the places come to the Cramer-Rao bound, and what of the sides is open."""
+    """Return how close the positions come to the Cramer-Rao bound, and how many sides are open."""
     wrong = np.array([wrong_sides_probability(episode) for episode in episodes])
     limits = [cramer_rao_m(episode) for episode in episodes]
     ratios, decidable_wrong, right_iou = [], [], []
@@ -275,7 +285,8 @@ def cell(metric: dict[str, Any] | None) -> str:
 
 def bounds_text(found: dict[str, float]) -> str:
     """Return the bounds in words."""
-    return "".join(f"- {name}: {value:.3g}\n" for name, value in found.items())
+    titled = ((BOUND_TITLES.get(name, name), value) for name, value in found.items())
+    return "".join(f"- {title}: {value:.3g}\n" for title, value in titled)
 
 
 def seeds_text(found: dict[str, dict[str, float]]) -> str:

@@ -104,7 +104,7 @@ def test_unknown_splits_are_one_line(runs: list[Episode], split: str) -> None:
 
 def test_nothing_left_to_train_on(runs: list[Episode]) -> None:
     long = OPTIONS.model_copy(update={"window_steps": 10_000})
-    with pytest.raises(InputError, match="nothing is left to train on"):
+    with pytest.raises(InputError, match="no training data left after the split"):
         logged_sets(runs[:2], "walks", "all", long)
 
 

@@ -141,7 +141,7 @@ def test_a_base_that_does_not_fit_is_refused(tmp_path: Path, base: Path) -> None
         ("as the base, got PoseMlpArchitecture", wider, make_sets(), base),
         ("as the base, got MlpArchitecture", GAIA, make_sets(), mlp),
         ("for 4 anchors, got 3", GAIA, four, base),
-        ("another normalisation", GAIA, elsewhere, base),
+        ("a different normalisation", GAIA, elsewhere, base),
         ("cannot read this file", GAIA, make_sets(), tmp_path / "nowhere"),
     ):
         with pytest.raises(ConfigError, match=problem) as caught:
@@ -200,7 +200,7 @@ def _far_off() -> WindowSets:
 def test_sets_that_cannot_be_learned_from_are_refused(tmp_path: Path) -> None:
     sets = make_sets()
     nothing = WindowSets(sets.training, (), (), (), {})
-    with pytest.raises(InputError, match="episodes to train and to validate on, got none"):
+    with pytest.raises(InputError, match="training and validation episodes, got none"):
         train_tiny(tmp_path, NETWORKS["mlp"], nothing)
     blind = WindowSets(tuple(e.without_truth() for e in sets.training), sets.validation, (), (), {})
     with pytest.raises(InputError, match="run-0: expected true ranges"):

@@ -28,5 +28,5 @@ def test_gate_lies_between_and_distances_are_metres(tmp_path: Path) -> None:
 
 def test_a_network_without_a_gate_is_refused(tmp_path: Path) -> None:
     train_tiny(tmp_path, NETWORKS["without-geo-dist"])
-    with pytest.raises(ConfigError, match="expected a gaia with a gate"):
+    with pytest.raises(ConfigError, match="expected a GAIA model with a gate"):
         gate_and_layout(tmp_path, [make_run(3)])

@@ -51,7 +51,7 @@ def test_a_failure_is_raised(workers: int) -> None:
 
 
 def test_a_process_that_is_gone_is_told_in_one_line() -> None:
-    with pytest.raises(ConfigError, match="bad: its process was ended from outside"):
+    with pytest.raises(ConfigError, match="bad: its process was killed from outside"):
         run_jobs([Job("bad", os._exit, (1,))], 1)
 
 

@@ -52,7 +52,7 @@ def test_a_margin_that_is_not_positive_is_named() -> None:
     last = summary_markdown(made_up(-0.05, -0.1)).splitlines()[-1]
     assert last.endswith("not positive at the most severe setting of: added outlier rate, -0.050.")
     unsure = summary_markdown(made_up(0.05, -0.1)).splitlines()[-1]
-    assert unsure.endswith("Its interval holds 0 for: added outlier rate.")
+    assert unsure.endswith("Its interval contains 0 for: added outlier rate.")
 
 
 def test_csv_and_latex_have_every_row() -> None:

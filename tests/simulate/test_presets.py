@@ -90,7 +90,7 @@ def test_a_preset_survives_its_file(name: str, tmp_path: Path) -> None:
         (b"drive: [", "cannot read"),
         (b"drive: {}\ndrive: {}", "line 2: the key 'drive' is here twice"),
         (b"\xff\xfe", "cannot read"),
-        (b"vary: {drive.colour: [1.0, 2.0]}", "no setting"),
+        (b"vary: {drive.colour: [1.0, 2.0]}", "unknown setting"),
     ],
 )
 def test_a_bad_preset_file_is_a_config_error(content: bytes, says: str, tmp_path: Path) -> None:

@@ -186,7 +186,7 @@ class Training(ABC, Generic[Model]):
         total = validated["validation"]["total"]
         if not math.isfinite(total):
             raise ConfigError(
-                f"{self.folder.path}: the loss is {total} after {self.unit} {number}: lower the "
+                f"{self.folder.path}: the loss is {total} after {self.unit} {number}; lower the "
                 "learning rate"
             )
         left_out = {"skipped_steps": skipped} if skipped else {}

@@ -104,7 +104,7 @@ def load_recipe(path: Path, default: Recipe) -> Recipe:
         content = read_yaml(path) or {}
         sections = default.model_dump()
         if not isinstance(content, dict) or set(content) - set(sections):
-            raise ConfigError(f"{path}: expected sections {', '.join(sections)}, nothing else")
+            raise ConfigError(f"{path}: expected only the sections {', '.join(sections)}")
         for name, changes in content.items():
             if not isinstance(changes, dict):
                 raise ConfigError(f"{path}: {name}: expected settings, got {shown(changes)}")

@@ -1,8 +1,8 @@
-"""What a training leaves in its folder: the state that it goes on from, its log, and its model.
+"""What a training leaves in its folder: the state that it resumes from, its log, and its model.
 
 The state belongs to one task, known by a checksum of all that the result depends on. It is written
-whole after every step of the training (an epoch, a portion), so that whoever is killed loses at
-most that one.
+completely after every step of the training (an epoch, a portion), so that a killed training loses
+at most that step.
 """
 
 from __future__ import annotations
@@ -129,14 +129,14 @@ def read_state(folder: OutputFolder, key: str) -> State | None:
     Raises
     ------
     ConfigError
-        If there is a state of another task, or what is no state.
+        If the file is the state of another task, or not a training state.
     """
     path = folder.path / STATE
     if not path.is_file():
         return None
     arrays = unpack(path.read_bytes(), str(path))
     if "note" not in arrays:
-        raise ConfigError(f"{path}: no state of a training; remove it")
+        raise ConfigError(f"{path}: not a training state; remove it")
     note = json.loads(arrays.pop("note").tobytes())
     if (note.get("format"), note["key"]) != (_FORMAT, key):
         raise ConfigError(

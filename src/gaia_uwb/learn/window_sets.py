@@ -35,22 +35,22 @@ PUBLISHED = PipelineConfig(
     alignment=AlignmentConfig(clock_offset="off", gate=False, resample="nearest"),
     calibration=CalibrationConfig(range_bias="off"),
 )
-"""Data as the paper seems to have used them: nearest sample, no clock correction, no gate."""
+"""Data as the paper appears to have used them: nearest sample, no clock correction, no gate."""
 
 
 class WindowSetOptions(Settings):
     """How the sets are made."""
 
     preparation: Literal["aligned", "published"] = "aligned"
-    """``aligned``: what a reconstruction does to a log. ``published``: nearest sample, no clock
-    correction, no gate, no range bias."""
+    """``aligned``: as a reconstruction prepares a log. ``published``: nearest sample, without clock
+    correction, gate or range bias."""
     window_steps: int = Field(default=64, ge=2)
     training_stride: int = Field(default=4, ge=1)
-    """Steps from one training window of a log to the next."""
+    """Number of steps between the starts of consecutive training windows of a log."""
     n_training: int = Field(default=12_000, ge=1)
-    """Simulated episodes to train on ..."""
+    """Number of simulated training episodes."""
     n_validation: int = Field(default=1_000, ge=1)
-    """... and to validate on."""
+    """Number of simulated validation episodes."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def logged_sets(
     kept = [windows[k] for k in np.sort(validation)]
     training = _training_windows(runs, held + kept, _excluded_runs(runs, split), options)
     if not training:
-        raise InputError("nothing is left to train on", source=f"{source}, split {split}")
+        raise InputError("no training data left after the split", source=f"{source}, split {split}")
     steps = options.window_steps
 
     def cut(chosen: Sequence[tuple[int, int]]) -> tuple[Episode, ...]:
@@ -257,9 +257,9 @@ def _parse(split: str, runs: Sequence[Episode]) -> tuple[str, int]:
         count = n_folds(kind, runs)
         if int(number) < count:
             return kind, int(number)
-        raise ConfigError(f"split {split!r}: there are {count} folds, 0 to {count - 1}")
+        raise ConfigError(f"split {split!r}: folds are numbered 0 to {count - 1}")
     raise ConfigError(
-        f"no split is called {split!r}; there are all, window/K, run/K and layout/K, K from 0"
+        f"unknown split {split!r}; available: all, window/K, run/K and layout/K, with K from 0"
     )
 
 

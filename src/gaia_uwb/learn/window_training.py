@@ -70,7 +70,7 @@ def train_window(
     base: Path | None = None,
     progress: Progress = unwatched,
 ) -> WindowModel:
-    """Train a network and write it with all that belongs to it; go on where a run was stopped.
+    """Train a network and write it with all that belongs to it; resume where a run was stopped.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def train_window(
         If there are no episodes, or they have no ranges or no truth.
     """
     if not task.sets.training or not task.sets.validation:
-        raise InputError("expected episodes to train and to validate on, got none")
+        raise InputError("expected training and validation episodes, got none")
     weights: Mapping[str, Tensor] = {}
     if isinstance(task.network, GaiaArchitecture):
         if base is None:
@@ -128,7 +128,7 @@ def _base_weights(base: Path, network: GaiaArchitecture, sets: WindowSets) -> di
             f"{base}: expected a base with channels for {n_anchors} anchors, got {found.n_anchors}"
         )
     if found.normalisation != Normalisation.fit(sets.training):
-        raise ConfigError(f"{base}: the base was trained with another normalisation")
+        raise ConfigError(f"{base}: the base was trained with a different normalisation")
     weights = read_weights(base, found)
     return {name: torch.from_numpy(value) for name, value in weights.items()}
 

@@ -37,7 +37,7 @@ ZoneTask: TypeAlias = Task[GaiaSetArchitecture, ZoneTrainingOptions]
 def train_zone(
     task: ZoneTask, folder: OutputFolder, *, progress: Progress = unwatched
 ) -> ZoneModel:
-    """Train a network and write it with all that belongs to it; go on where a run was stopped.
+    """Train a network and write it with all that belongs to it; resume where a run was stopped.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ class _ZoneTraining(Training[ZoneModel]):
             ),
             data={
                 "source": "sim:mixed",
-                "training": f"{n_scenes} scenes, none twice: {shares}; training layouts only",
+                "training": f"{n_scenes} scenes, none used twice: {shares}; training layouts only",
                 "validation": f"{self.options.validation_episodes} scenes of each kind",
             },
             training=self.options,

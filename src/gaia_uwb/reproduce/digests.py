@@ -76,7 +76,7 @@ def code_digest(*modules: str, without: tuple[str, ...] = ()) -> str:
         If there is no module of a name: it would be left out without a word.
     """
     if missing := [name for name in (*modules, *without) if not _files(name)]:
-        raise ValueError(f"no module is called {', '.join(missing)}")
+        raise ValueError(f"unknown module {', '.join(missing)}")
     todo = [path for name in modules for path in _files(name)]
     found: dict[Path, str] = {}
     while todo:

@@ -78,7 +78,7 @@ def draw_figures(
             "layouts",
             plot_layouts([_zones(real), _zones(stress)], ["outdoor data", "stress test"]),
             "True (grey) and reconstructed hulls of the episodes at the quartiles of GAIA's IoU, "
-            "turned level; a long zone has a scale for each direction.",
+            "rotated to lie level. A long zone has a separate scale for each direction.",
         ),
         (
             "losses",
@@ -90,16 +90,16 @@ def draw_figures(
             plot_error_over_distance(
                 {"outdoor data": _errors(real), "stress test": _errors(stress)}
             ),
-            "Size of the range error over the distance: median (with marks) and 95 % quantile "
+            "Absolute range error over distance: median (with markers) and 95 % quantile "
             f"(dashed), {_words(real)} and on the stress test.",
         ),
         (
             "gate",
             plot_gate(_gate_records(workshop, real, stress)),
-            "Errors of one anchor's ranges, and GAIA's gate: 1 is the corrected range, 0 the "
-            "layout's distance; dotted: its mean. A run of the outdoor data, window by window, "
-            "each by the model that has not seen it, and the stress test's episode of median "
-            "IoU; the anchor with most ranges.",
+            "Range errors of one anchor, and GAIA's gate: 1 is the corrected range, 0 the "
+            "layout's distance; its mean is dotted. Shown are a run of the outdoor data, window "
+            "by window, each by the model that has not seen it, and the stress test's episode of "
+            "median IoU, each for the anchor with the most ranges.",
         ),
     ]
     folder = OutputFolder(workshop.folder.path / FOLDER)
@@ -115,11 +115,15 @@ def _distributions(real: Table, stress: Table) -> Iterator[tuple[str, Figure, st
         ("outdoor", real, _words(real)),
         ("stress", stress, "on the stress test"),
     ):
-        yield f"cdf-{name}", plot_cdfs(_scores(table)), f"Share of episodes up to a score, {where}."
+        yield (
+            f"cdf-{name}",
+            plot_cdfs(_scores(table)),
+            f"Share of episodes with at most a given score, {where}.",
+        )
         yield (
             f"box-{name}",
             plot_boxes(_scores(table)),
-            f"Quartiles and median, whiskers from 5 % to 95 %, mean (diamond), {where}.",
+            f"Median and quartiles, whiskers from 5 % to 95 % and mean (diamond), {where}.",
         )
 
 

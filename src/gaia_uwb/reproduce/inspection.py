@@ -52,7 +52,7 @@ def gate_and_layout(
         and made.layout_head
         and made.geo_dist
     ):
-        raise ConfigError(f"{folder}: expected a gaia with a gate, got {made!r}")
+        raise ConfigError(f"{folder}: expected a GAIA model with a gate, got {made!r}")
     network = Gaia(description.n_anchors, made)
     weights = read_weights(folder, description)
     network.load_state_dict({name: torch.from_numpy(v.copy()) for name, v in weights.items()})

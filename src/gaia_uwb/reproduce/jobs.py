@@ -95,8 +95,8 @@ def run_jobs(
                     done[job.name] = future.result()
                 except BrokenProcessPool as error:
                     raise ConfigError(
-                        f"{job.name}: its process was ended from outside, perhaps for want of "
-                        "memory; the same command goes on, --workers 1 takes less"
+                        f"{job.name}: its process was killed from outside, perhaps for lack of "
+                        "memory; the same command resumes, --workers 1 needs less"
                     ) from error
                 watch(clock.line(job))
     return done

@@ -1,4 +1,4 @@
-"""The page of results, written from ``results.json`` and a text by hand that it includes."""
+"""The page of results, made from ``results.json`` and a section that is written by hand."""
 
 from __future__ import annotations
 
@@ -17,29 +17,30 @@ from gaia_uwb.reproduce.parts import ALIGNMENT_METRICS, PARTS
 from gaia_uwb.reproduce.robustness_formats import summary_markdown
 
 _HEAD = """\
-# Results: the paper's tables and figures, repeated
+# Results: the paper's tables and figures, reproduced
 
 Written by `gaia reproduce all --out OUT` and `gaia reproduce page --out OUT --page docs/results.md`
-from `OUT/results.json`; not edited by hand, but for the section *What the numbers say*, which is
-kept in [results-prose.md](results-prose.md). How the paper's method maps to the code, and where we
-deviate: [method.md](method.md).
+from `OUT/results.json`. Only the section *What the numbers say* is written by hand; it is kept in
+[results-prose.md](results-prose.md). [method.md](method.md) shows how the paper's method maps to
+the code, and where we deviate.
 
-Means over episodes with 95 % bootstrap intervals. On real data the bootstrap draws whole runs,
-of which there are eight: such an interval is too short (in simulation it holds the truth in 88
-% of the cases). A *difference* is paired: both methods on the same episodes; an interval that
-leaves out 0 tells them apart. Rows in italics are what the paper prints, on its own data.
+The numbers are means over episodes with 95 % bootstrap intervals. On real data the bootstrap draws
+whole runs. There are only eight, so these intervals are too short (in simulation they contain the
+truth in 88 % of the cases). A *difference* is paired, with both methods on the same episodes; if
+its interval excludes 0, the methods differ. Rows in italics are what the paper prints, on its own
+data.
 """
 
 _SPLITS = """\
-*trained on* is the split: **window**: a fifth of the windows is held out, the same layouts in
-training and test (the paper's kind of split); **run**: one of eight runs is held out;
-**layout**: all runs past one of four layouts are held out; **sim**: trained on the simulator's
-stress preset only, whose coordinates mean nothing here; **nothing**: no training. A model is
+*trained on* names the split. **window**: a fifth of the windows is held out, with the same layouts
+in training and test (the paper's kind of split). **run**: one of eight runs is held out.
+**layout**: all runs past one of four layouts are held out. **sim**: trained on the simulator's
+stress preset only, whose coordinates mean nothing here. **nothing**: no training. A model is
 trained once for each fold, on windows of 64 steps, and applied to all lengths. In the split
 *window* a longer episode is denoised window by window, each by the model that has not seen it.
-The clock's offset, the spike gate and the range bias of *aligned* are found from each whole run
-without truth; *published* is the nearest sample without any of them, as the paper seems to have
-used the data.
+For *aligned* data, the clock offset, the spikes and the range bias are found from each whole run
+without truth. *published* data are the nearest samples without any of these corrections, as the
+paper appears to have used the data.
 """
 
 _LENGTHS = {"64": "windows of 64 steps", "256": "windows of 256 steps", "whole": "whole runs"}
@@ -54,9 +55,9 @@ def results_page(results: Mapping[str, Any], prose: str, image_folder: str) -> s
     results
         Content of ``results.json``.
     prose
-        The section by hand.
+        The section written by hand.
     image_folder
-        Where its pictures lie, seen from the page.
+        Folder of its pictures, relative to the page.
     """
     parts = results["parts"]
     sections = [
@@ -87,16 +88,16 @@ def page_images(results: Mapping[str, Any]) -> list[str]:
 
 
 def _command(parts: Mapping[str, Any], name: str) -> str:
-    """Say which command made a part and what it took, or that it is missing."""
+    """Say which command made a part and how long it took, or that it is missing."""
     if name not in parts:
-        return f"*Not made, or made by other code: `gaia reproduce {name}`.*\n"
+        return f"*Not made yet, or made by another version of the code: `gaia reproduce {name}`.*\n"
     cost = parts[name]["cost"]
     text = f"`gaia reproduce {name}`"
     if cost["models"]:
         text += f": {cost['models']} models, {spell(cost['training_s'])} of one core to train"
         if cost["models_taken_up"]:
-            text += f" (without {cost['models_taken_up']} that were there before)"
-    return f"{text}; {spell(cost['wall_s'])} for all else.\n"
+            text += f" (not counting {cost['models_taken_up']} that already existed)"
+    return f"{text}; {spell(cost['wall_s'])} for everything else.\n"
 
 
 def _table1(parts: Mapping[str, Any]) -> Iterator[str]:
@@ -112,7 +113,7 @@ def _table1(parts: Mapping[str, Any]) -> Iterator[str]:
         yield f"### {_LENGTHS.get(length, length)}, data {preparation}, solver {solver}\n"
         yield (
             f"{protocol['episodes']} episodes of {protocol['runs']} runs"
-            + (f", {left_out} without any range left out" if left_out else "")
+            + (f", {left_out} without any range excluded" if left_out else "")
             + f"; solver: {protocol['solver']}.\n"
         )
         yield results_markdown(table, TABLE_1 if (length, solver) == ("64", "wls") else None)
@@ -141,14 +142,14 @@ def _stress_part(
 
 
 def _table4(parts: Mapping[str, Any], image_folder: str) -> Iterator[str]:
-    yield "## Table 4: the stress test made worse\n"
+    yield "## Table 4: the stress test under more stress\n"
     yield _command(parts, "table4")
     if "table4" in parts:
         yield (
-            "The models of table 2, not trained again; layouts and drives stay as they are. "
-            "The first four stressors are the paper's, the others ours. The margin is paired, over "
-            "the baseline whose mean is the best there. Every method at every setting: "
-            "`table4.csv`.\n"
+            "These are the models of table 2, not retrained; layouts and drives stay the same. "
+            "The first four stressors are the paper's, the others are ours. The margin is the "
+            "paired difference to the baseline with the best mean at that setting. `table4.csv` "
+            "has every method at every setting.\n"
         )
         yield summary_markdown(parts["table4"])
         if "figures" in parts:
@@ -171,7 +172,7 @@ def _table5(parts: Mapping[str, Any]) -> Iterator[str]:
             found = [row["metrics"][name] for name in names]
             rows.append([f"{row['method']}, view {row['view']}", *map(_short, found)])
     yield markdown_table(["source", *names], rows)
-    yield "Definitions, all views, and pictures: [simulator-check.md](simulator-check.md).\n"
+    yield "[simulator-check.md](simulator-check.md) has definitions, all views and pictures.\n"
 
 
 def _short(metric: Mapping[str, Any]) -> str:
@@ -180,11 +181,11 @@ def _short(metric: Mapping[str, Any]) -> str:
 
 
 def _alignment(parts: Mapping[str, Any]) -> Iterator[str]:
-    yield "## What the parts of the alignment are worth\n"
+    yield "## What each part of the alignment is worth\n"
     yield _command(parts, "alignment")
     if "alignment" not in parts:
         return
-    yield "Without training and, unless a title says so, without labels. Not in the paper.\n"
+    yield "No training and, unless a title says so, no labels are used. Not in the paper.\n"
     for title, table in parts["alignment"]["tables"].items():
         settings = table["protocol"]["settings"]
         yield f"### {title[0].upper()}{title[1:]}\n"
@@ -219,9 +220,9 @@ def _times(results: Mapping[str, Any]) -> Iterator[str]:
             )
     yield f"Machine: {results['machine']}. GAIA {results['version']}.\n"
     yield markdown_table(
-        ["command", "models", "training (one core)", "predictions", "all but training"], rows
+        ["command", "models", "training (one core)", "predictions", "everything but training"], rows
     )
     yield (
-        "Models that two parts share are counted in both; predictions that are kept from an "
-        "earlier call are counted with the time that they took then.\n"
+        "Models that two parts share are counted in both. Predictions kept from an earlier call "
+        "are counted with the time that they took then.\n"
     )

@@ -123,12 +123,12 @@ VARIANTS = (
     Variant("whole runs", None, PipelineConfig()),
     Variant("windows of 64 steps", 64, PipelineConfig()),
     Variant(
-        "windows of 64 steps, ranges not freed of the radios' bias",
+        "windows of 64 steps, range bias not removed",
         64,
         PipelineConfig(calibration=_NO_BIAS),
     ),
     Variant(
-        "windows of 64 steps, each anchor's side decided alone",
+        "windows of 64 steps, each anchor's side decided separately",
         64,
         PipelineConfig(sides=SidesConfig(joint=False)),
     ),

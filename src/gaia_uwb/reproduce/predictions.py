@@ -148,7 +148,7 @@ def cached_predictions(
     folder.write_bytes(path.name, content)
     read = _read(path, key, episodes)
     if read is None:
-        raise RuntimeError(f"{path}: what was just written cannot be read")
+        raise RuntimeError(f"{path}: cannot read what was just written")
     return read
 
 

@@ -44,7 +44,9 @@ def summary_markdown(results: Mapping[str, Any]) -> str:
     rows = []
     for stressor, title, found in _summary(results):
         printed = TABLE_4.get(stressor)
-        paper = "not in it" if printed is None else "{:.3f}, {:.3f}, {:+.3f}".format(*printed)
+        paper = (
+            "not in the paper" if printed is None else "{:.3f}, {:.3f}, {:+.3f}".format(*printed)
+        )
         rows.append(
             [
                 f"{title}: {found['mild']:g} to {found['worst']:g}",
@@ -63,7 +65,7 @@ def summary_markdown(results: Mapping[str, Any]) -> str:
 
 
 def _verdict(results: Mapping[str, Any]) -> str:
-    """Say in words where the margin is not above 0, or might not be."""
+    """Say in words where the margin is not positive, or might not be."""
     below, unsure = [], []
     for stressor, title, found in _summary(results):
         name = title if stressor in TABLE_4 else f"{title} (not the paper's)"
@@ -77,7 +79,7 @@ def _verdict(results: Mapping[str, Any]) -> str:
         if below
         else ("positive at the most severe setting of every stressor")
     )
-    second = f". Its interval holds 0 for: {'; '.join(unsure)}" if unsure else ""
+    second = f". Its interval contains 0 for: {'; '.join(unsure)}" if unsure else ""
     return f"GAIA's margin over the best of the paper's baselines is {first}{second}."
 
 

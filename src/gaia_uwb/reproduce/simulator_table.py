@@ -30,26 +30,28 @@ _CLIP_M = 1.0  # in the picture of the memory, larger errors count as this
 _CORRECTED, _, _PAPER = VIEWS
 
 _DEFINITIONS = """\
-- **Error**: reported range minus true slant distance, signed. *corrected*: each reading at its own
-  time, the distance from the path's pose at that time less the clock offset (estimated from the
-  log without truth), heights of both antennas included. *paper*: the way that comes nearest to the
-  paper's own real row, which it does not define: ranges held until the anchor's next one on a 10 Hz
-  timeline, compared with the distance without the clock offset and with the tag's antenna 1 m lower
-  than it was.
-- **Mean**: of the signed errors. **p95, p99**: quantiles of their absolute values.
+- **Error**: reported range minus true slant distance, signed. *corrected*: each reading is compared
+  with the distance from the path's position at its own time, minus the clock offset (estimated from
+  the log without truth); the heights of both antennas are included. *paper*: the definition that
+  comes nearest to the paper's own real row, which the paper does not define. Ranges are held until
+  the anchor's next one on a 10 Hz timeline, and compared with the distance without the clock offset
+  and with the tag's antenna 1 m lower than it was.
+- **Mean**: mean of the signed errors. **p95, p99**: quantiles of their absolute values.
 - **Outlier**: an absolute error above 1 m (above 0.3 m in the view *corrected, 0.3 m*). **Outlier
-  rate**: outliers over errors.
-- **Burst**: outliers of one anchor that follow one another, of either sign; its length is the
-  number of its samples. **Burst mean, p95**: over all bursts of all anchors and runs.
+  rate**: number of outliers divided by number of errors.
+- **Burst**: consecutive outliers of one anchor, of either sign. Its length is the number of its
+  samples. **Burst mean, p95**: over all bursts of all anchors and runs.
 - **Wasserstein**: 1-Wasserstein distance between the errors of the row and the real ones.
-- **Intervals**: 95 % percentile bootstrap over runs, of eight runs: rather too short.
-- **LOS, NLOS**: the label of the run, the data set's folder.
+- **Intervals**: 95 % percentile bootstrap over runs. With only eight runs they tend to be too
+  short.
+- **LOS, NLOS**: the label of the run, from the data set's folder.
 - *calibrated* and *naive* repeat the real drives (path, anchors, times of readings, labels), each
-  {n_replays} times, with simulated errors. For *calibrated* the errors are fitted to two of the
-  four cases and the other two are repeated, for all six choices; no run is ever judged by a fit
-  that saw it. *lane closure* is {n_passes} whole passes of the simulator instead, at vehicle speed;
-  there the error model is the one fitted to all cases. At that speed a range that repeats the one
-  before is off by what the vehicle moved since, so its tails must be longer than the walks'.
+  {n_replays} times, with simulated errors. For *calibrated*, the errors are fitted to two of the
+  four cases and the other two are repeated, for all six choices. No run is ever judged by a fit
+  that saw it. *lane closure* is {n_passes} whole passes of the simulator instead, at vehicle speed,
+  with the error model fitted to all cases. At that speed, a range that repeats the previous one
+  is off by the distance that the vehicle has moved since. So its tails must be longer than those of
+  the walks.
 """
 
 
@@ -249,25 +251,25 @@ def check_markdown(check: SimulatorCheck, plan: Plan = Plan()) -> str:
     parts = [
         "# The simulator's statistical check (the paper's Table 5)\n",
         "Written by `gaia reproduce table5`; do not edit. "
-        "`results.json` of the same command holds every number.\n",
-        "## Definitions, the same for all rows\n",
+        "`results.json` of the same command contains every number.\n",
+        "## Definitions for all rows\n",
         _DEFINITIONS.format(n_replays=plan.n_replays, n_passes=plan.n_passes),
         "## Table\n",
         *(_view_table(check, view.name) for view in VIEWS),
         "\n".join(_paper_lines(check)),
-        "## Runs that the fit did not see, choice by choice\n",
-        "Distance of *calibrated* from *real*, over the same distance in the paper's table "
-        "(calibrated to real); below 1 is nearer than the paper's.\n",
+        "## Unseen runs, choice by choice\n",
+        "Distance between *calibrated* and *real*, divided by the same distance in the paper's "
+        "table. A number below 1 is closer than the paper.\n",
         "\n".join(_split_lines(check)),
-        "In the view *paper* about 1 % of the errors are outliers, so that p99 lies where few "
-        "events decide whether it is a quantile of the bulk or of the spikes: in LOS/A/2 one wrong "
-        "range, held through an outage of 4 s, makes 40 outliers. The error model has no tie "
-        "between wrong ranges and outages.\n",
+        "In the view *paper*, about 1 % of the errors are outliers. So a few events decide whether "
+        "p99 is a quantile of the bulk or of the spikes: in LOS/A/2, one wrong range, held through "
+        "an outage of 4 s, makes 40 outliers. The error model does not link wrong ranges to "
+        "outages.\n",
         "## What six numbers hide\n",
         "![Quantiles of simulated over real errors](simulator-check-quantiles.png)\n",
         "![Correlation of errors over time](simulator-check-autocorrelation.png)\n",
-        "Errors of the *corrected* view; in the second picture errors beyond "
-        f"{_CLIP_M:g} m count as that, and all that naive errors remember is the run's label.\n",
+        "The pictures show errors of the *corrected* view. In the second one, errors are clipped "
+        f"at {_CLIP_M:g} m; naive errors have no memory except the run's label.\n",
     ]
     return "\n".join(parts)
 
@@ -293,7 +295,7 @@ def _view_table(check: SimulatorCheck, view: str) -> str:
 
 
 def _paper_lines(check: SimulatorCheck) -> list[str]:
-    """Set the paper's own rows beside ours under the definition that comes nearest."""
+    """Put the paper's own rows next to ours, under the definition that comes nearest."""
     lines = [
         "### The paper's rows\n",
         f"| | {' | '.join(_HEADINGS)} |",
@@ -306,12 +308,13 @@ def _paper_lines(check: SimulatorCheck) -> list[str]:
     return [
         *lines,
         "",
-        "No definition that we tried gives the paper's real row to the digit. We tried readings at "
-        "their own times, and the nearest, the held and the interpolated range on several "
-        "timelines, with limits of their age and without, whole runs and windows of 64, one sight "
-        "and one trajectory at a time, and thresholds from 0.3 to 3 m. A threshold of 1 m agrees "
-        "with p99 and outlier rate together, and held ranges with p95 and the mean; the burst "
-        "p95 of 29 is found with none of the definitions that give the other columns.\n",
+        "No definition that we tried reproduces the paper's real row to the digit. We tried "
+        "readings at their own times, and the nearest, the held and the interpolated range on "
+        "several timelines, with and without a limit on their age; whole runs and windows of 64; "
+        "LOS and NLOS runs and trajectories separately; and thresholds from 0.3 to 3 m. A "
+        "threshold of 1 m agrees with p99 and outlier rate together, and held ranges agree with "
+        "p95 and the mean. The burst p95 of 29 appears with none of the definitions that give the "
+        "other columns.\n",
     ]
 
 

@@ -167,9 +167,9 @@ class Workshop:
         jobs = [t.job() for t in wanted if t.place not in self._trained]
         if jobs:
             start = time.monotonic()
-            self.watch(f"{len(jobs)} models to be trained or checked")
+            self.watch(f"{len(jobs)} models to train or check")
             run_jobs(jobs, self.workers, self.watch)
-            self.watch(f"models are there after {time.monotonic() - start:.0f} s")
+            self.watch(f"models ready after {time.monotonic() - start:.0f} s")
             self._trained |= {training.place for training in wanted}
 
     def predict(

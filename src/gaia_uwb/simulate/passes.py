@@ -114,7 +114,9 @@ def simulate_pass(
     rssi_dbm, rssi_fp_dbm = received_power(true_range_m, reports.nlos, ranging, stream("power"))
     anchor, poll = np.nonzero(reports.answered)
     if not len(anchor):
-        raise ConfigError("the simulated pass has no reading: no anchor answers within max_range_m")
+        raise ConfigError(
+            "the simulated pass has no readings: no anchor answers within max_range_m"
+        )
     order = np.argsort(t_s[anchor, poll], kind="stable")
     rows = anchor[order], poll[order]
     return Scene(

@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 PLACE = LocalFrame(lat_deg=42.0, lon_deg=-93.5, alt_m=270.0)
-"""Origin of every simulated scene: a made-up place, a round coordinate among the fields of Iowa."""
+"""Origin of every simulated scene: invented, at round coordinates among the fields of Iowa."""
 
 _PI = 3.14159
 
@@ -97,7 +97,7 @@ def find_preset(name: str) -> PassConfig:
     base, _, part = name.rpartition("-")
     if base in PRESETS and part in ("training", "test"):
         return PRESETS[base].model_copy(update={"split": part})
-    raise ConfigError(f"unknown preset {name!r}; there are {', '.join(PRESETS)}")
+    raise ConfigError(f"unknown preset {name!r}; available: {', '.join(PRESETS)}")
 
 
 DEFAULT_PRESET = "lane-closure"
@@ -195,7 +195,7 @@ _WILD = PassConfig(
 PRESETS = MappingProxyType(
     {
         DEFAULT_PRESET: PassConfig(),
-        # A path this straight lets the mirror image of every anchor fit as well as the anchor.
+        # On a path this straight, the mirror position of every cone fits as well as its true one.
         "straight": PassConfig(
             road=RoadConfig(curvature_per_m=0.0),
             drive=DriveConfig(lane_change=False, sway_m=0.03),

@@ -1,4 +1,4 @@
-"""Settings of a simulated pass: the road, the work zone, the drive, the radio, what varies.
+"""Settings of a simulated pass: road, work zone, drive, radio, and what varies.
 
 Lengths along the road are counted from the first cone. Every setting has one value;
 :attr:`PassConfig.vary` names those that differ from one pass of a batch to the next.
@@ -26,175 +26,180 @@ class RoadConfig(Settings):
     """The road: two lanes of one direction."""
 
     closed_lane: Literal["right", "left"] = "right"
-    """Side of the road on which the work zone lies; ``left`` mirrors all but the road itself."""
+    """Side of the road on which the work zone lies; ``left`` mirrors everything except the road."""
     lane_width_m: float = Field(default=3.6, ge=2.4, le=5)
     speed_limit_mph: int = Field(default=25, ge=20, le=75, multiple_of=5)
-    """Posted speed: it sets the taper's length."""
+    """Posted speed; it determines the length of the taper."""
     direction_rad: float = Field(default=0.5, ge=-7, le=7)
-    """Direction of travel at the first cone, counter-clockwise from east: turns the scene."""
+    """Direction of travel at the first cone, counter-clockwise from east; rotates the scene."""
     curvature_per_m: float = Field(default=-0.002, ge=-0.005, le=0.005)
     """Curvature, positive to the left; 0 is straight. A bend towards the closed lane keeps the open
     one outside the anchors' convex hull."""
     s_curve: bool = False
-    """Let the curvature change its sign at ``inflection_m``."""
+    """Whether the curvature changes its sign at ``inflection_m``."""
     inflection_m: float = Field(default=80.0, ge=-1000, le=1000)
 
 
 class ClosureConfig(Settings):
-    """The work zone, and the cones with anchors on it."""
+    """The work zone and its cones."""
 
     kind: ZoneKind = "lane-closure"
     buffer_m: float = Field(default=47.0, ge=0, le=300)
-    """Free space between taper and work; about the stopping distance (155 ft at 25 mph)."""
+    """Free space between taper and work space; about the stopping distance (155 ft at 25 mph)."""
     work_m: float = Field(default=60.0, ge=0, le=1000)
     downstream_taper_m: float = Field(default=15.0, ge=1, le=60)
-    """Length of the taper that ends a closure of a lane or shoulder."""
+    """Length of the taper at the end of a lane or shoulder closure."""
     shoulder_m: float = Field(default=3.0, ge=0.5, le=5)
-    """Width of the shoulder beside the closed lane."""
+    """Width of the shoulder next to the closed lane."""
     shift_m: float = Field(default=2.0, ge=0.5, le=5)
-    """How far a lane shift moves the lanes."""
+    """Distance by which a lane shift moves the lanes."""
     median_m: float = Field(default=8.0, ge=0, le=30)
-    """Width of the median that a crossover crosses."""
+    """Width of the median that traffic crosses in a crossover."""
     sign_spacing_m: float = Field(default=30.0, ge=10, le=1000)
     """Distance between the three signs of the advance warning (100 ft on a slow urban road)."""
     both_sides: bool = False
-    """Every other anchor stands across the lane that is driven, not all on the zone's edge."""
+    """Whether every other cone stands across the driven lane, not on the edge of the zone."""
     n_anchors: int = Field(default=8, ge=1, le=1000)
     placement_sigma_m: float = Field(default=0.15, ge=0, le=1)
-    """How far off its mark a crew sets a cone, along and across the road."""
+    """Standard deviation of a cone's placement by the crew, along and across the road."""
     antenna_up_m: float = Field(default=0.9, ge=0, le=3)
     """Height of the cones' antennas above the road."""
     antenna_up_sigma_m: float = Field(default=0.02, ge=0, le=0.5)
     n_trucks: int = Field(default=0, ge=0, le=20)
-    """Work trucks (8 m x 2.5 m, 3 m high) somewhere in the work space; they cut lines of sight."""
+    """Trucks (8 m x 2.5 m, 3 m high) somewhere in the work space; they block lines of sight."""
     n_crew: int = Field(default=0, ge=0, le=50)
-    """People (0.5 m wide, 1.8 m high) somewhere in the work space; they cut lines of sight."""
+    """People (0.5 m wide, 1.8 m high) somewhere in the work space; they block lines of sight."""
     barrier_up_m: float = Field(default=0.0, ge=0, le=3)
-    """Height of a barrier along the work space, between traffic and cones; 0 is none."""
+    """Height of a barrier along the work space, between traffic and cones; 0 for none."""
 
 
 class DriveConfig(Settings):
-    """How the vehicle drives past; it is at the middle of the zone halfway through."""
+    """How the vehicle drives past; halfway through the drive it is at the middle of the zone."""
 
     duration_s: float = Field(default=60.0, ge=1, le=3600)
     speed_mps: float = Field(default=6.0, ge=0, le=40)
-    """Mean speed; 0 is a vehicle parked beside the middle of the zone."""
+    """Mean speed; at 0, the vehicle is parked next to the middle of the zone."""
     speed_variation: float = Field(default=0.3, ge=0, lt=1)
-    """Share of the speed by which traffic slows it down and lets it go. At constant speed a clock
-    offset looks like anchors moved along the road."""
+    """Share by which traffic changes the speed, down and up again. At constant speed, a clock
+    offset looks like cones that are shifted along the road."""
     ahead_m: float = Field(default=0.0, ge=-1000, le=1000)
-    """How far behind the zone's middle the vehicle is halfway through (before it if negative)."""
+    """Distance of the vehicle beyond the middle of the zone halfway through the drive; negative if
+    it is before the middle."""
     rate_hz: float = Field(default=8.0, ge=1, le=200)
-    """Samples of the trajectory per second; steps of an episode's timeline."""
+    """Samples of the trajectory per second; also the steps of an episode's timeline."""
     lane_change: bool = True
-    """Merge before a closed lane and move back behind it, or keep to the open lane."""
+    """Whether the vehicle merges before a closed lane and moves back after it; otherwise it stays
+    in the open lane."""
     lane_change_m: float = Field(default=40.0, ge=5, le=300)
-    """Length of road that a lane change takes."""
+    """Length of a lane change along the road."""
     lane_change_gap_m: float = Field(default=20.0, ge=0, le=300)
-    """Road between a lane change and the closure."""
+    """Distance between a lane change and the closure."""
     lane_offset_m: float = Field(default=0.0, ge=-20, le=20)
-    """How far beside that lane it keeps, positive towards the open side: another pass, another
+    """Lateral distance from that lane, positive towards the open side: for a pass in another
     lane."""
     sway_m: float = Field(default=0.1, ge=0, le=1)
-    """Root mean square of the wander within the lane."""
+    """Root mean square of the lateral wander within the lane."""
     stop_s: float = Field(default=0.0, ge=0, le=600)
-    """How long the vehicle stands still a quarter of the way through; 0 is no stop."""
+    """Duration of a stop a quarter of the way through; 0 for no stop."""
     turn_after_m: float | None = Field(default=None, ge=0, le=5000)
-    """Turn round this far behind the zone's end and come back on the other carriageway."""
+    """Distance beyond the end of the zone at which the vehicle turns round, to return on the other
+    carriageway; none: no turn."""
     antenna_up_m: float = Field(default=1.6, ge=0, le=5)
     """Height of the tag's antenna above the road."""
     position_sigma_m: float = Field(default=0.01, ge=0, le=5)
     """White noise of the recorded positions (RTK-GNSS: about 0.01 m)."""
     position_walk_m: float = Field(default=0.0, ge=0, le=5)
-    """Random walk of the recorded positions: growth in a second, of each coordinate."""
+    """Random walk of the recorded positions: its growth within one second, for each coordinate."""
     position_bias_m: float = Field(default=0.0, ge=0, le=10)
-    """Standard deviation of a constant error of each coordinate."""
+    """Standard deviation of the constant error of each coordinate."""
     position_outage_per_s: float = Field(default=0.0, ge=0, le=1)
-    """Outages of the positioning per second of good positions."""
+    """Number of positioning outages per second with good positions."""
     position_outage_s: float = Field(default=2.0, gt=0, le=600)
-    """Mean duration of an outage; a log lacks its positions, an episode interpolates them."""
+    """Mean duration of an outage. A log lacks the positions; an episode interpolates them."""
 
 
 class RangingConfig(Settings):
     """How anchors are polled, and what goes wrong with their ranges.
 
-    A reported range is the true slant range, plus its bias (of distance, drift and lost line of
-    sight), plus noise, plus a burst's offset. Standard deviations are those of *reported* ranges.
+    A reported range is the true slant range plus its bias (from distance, drift and lost line of
+    sight), plus noise, plus the offset of a burst. Standard deviations apply to *reported* ranges.
     """
 
     rate_hz: float = Field(default=10.0, gt=0, le=100)
-    """Polls of each anchor per second in a log; an episode has one at each step."""
+    """Polls of each anchor per second in a log; an episode has one poll at each step."""
     jitter: float = Field(default=0.05, ge=0, le=0.45)
-    """How far a poll is off its regular time, at most, as a share of the time between two."""
+    """Largest deviation of a poll from its regular time, as a share of the polling interval."""
     max_range_m: float = Field(default=60.0, gt=0, le=2000)
     """Anchors farther away do not answer."""
     soft_range_m: float = Field(default=0.0, ge=0, le=1000)
     """Length before ``max_range_m`` over which the share of answers falls from 1 to 0."""
     dropout_share: _Share = 0.08
-    """Share of the polls that are lost, each on its own."""
+    """Share of the polls that are lost independently of each other."""
     outage_per_s: float = Field(default=0.1, ge=0, le=10)
-    """Outages of an anchor per second of service."""
+    """Number of outages of an anchor per second of service."""
     outage_s: float = Field(default=0.4, gt=0, le=600)
     """Mean duration of an outage."""
     held_share: _Share = 0.05
-    """Share of the readings that repeat the one before."""
+    """Share of the readings that repeat the previous one."""
 
     bias_m: float = Field(default=0.0, ge=-5, le=5)
-    """Bias at 10 m ..."""
+    """Range bias at 10 m."""
     bias_per_decade_m: float = Field(default=0.0, ge=-5, le=5)
-    """... and its growth with every factor of ten in distance."""
+    """Growth of the range bias for every factor of ten in distance."""
     drift_sigma_m: float = Field(default=0.0, ge=0, le=5)
-    """Slow error that all anchors share: its standard deviation ..."""
+    """Standard deviation of the slow error that all anchors share."""
     drift_correlation_s: float = Field(default=8.0, gt=0, le=3600)
-    """... and the time in which its correlation falls to 1/e."""
+    """Time in which the correlation of this error falls to 1/e."""
     own_drift_sigma_m: float = Field(default=0.0, ge=0, le=5)
-    """Slow error of each anchor by itself: its standard deviation ..."""
+    """Standard deviation of the slow error that each anchor has on its own."""
     own_drift_correlation_s: float = Field(default=8.0, gt=0, le=3600)
-    """... and the time in which its correlation falls to 1/e."""
+    """Time in which the correlation of this error falls to 1/e."""
     sigma_m: float = Field(default=0.04, ge=0, le=5)
-    """Standard deviation of the noise at no distance ..."""
+    """Standard deviation of the noise at distance 0."""
     sigma_per_m: float = Field(default=0.0008, ge=0, le=0.1)
-    """... and its growth per metre of distance."""
+    """Growth of this standard deviation per metre of distance."""
     tail_dof: float | None = Field(default=None, ge=2.1, le=100)
-    """Degrees of freedom of Student's t with that standard deviation; none is Gaussian noise."""
+    """Degrees of freedom of Student's t with that standard deviation; none: Gaussian noise."""
     averaged: int = Field(default=1, ge=1, le=20)
-    """How many raw ranges the radio averages for a report (a moving average): makes its noise
-    correlated. The delay that comes with it counts as part of the clock offset."""
+    """Number of raw ranges that the radio averages for a report (a moving average), which makes its
+    noise correlated. The resulting delay counts as part of the clock offset."""
 
     los_s: float | None = Field(default=8.5, gt=0, le=3600)
-    """Mean duration of a stretch with line of sight; none: only obstacles take it away."""
+    """Mean duration of a stretch with line of sight; none: only obstacles block it."""
     nlos_s: float = Field(default=1.5, gt=0, le=3600)
     """Mean duration of a stretch without line of sight."""
     nlos_bias_m: float = Field(default=0.25, ge=0, le=20)
-    """Mean excess of a range without line of sight; log-normal, never negative ..."""
+    """Mean excess of a range without line of sight; log-normal, never negative."""
     nlos_bias_sigma_m: float = Field(default=0.13, ge=0, le=20)
-    """... its standard deviation ..."""
+    """Standard deviation of this excess."""
     nlos_bias_correlation_s: float = Field(default=1.5, gt=0, le=3600)
-    """... and the time in which the correlation of its logarithm falls to 1/e."""
+    """Time in which the correlation of the logarithm of this excess falls to 1/e."""
     nlos_sigma_m: float = Field(default=0.0, ge=0, le=20)
-    """Additional noise without line of sight, independent of the other."""
+    """Standard deviation of additional, independent noise without line of sight."""
 
     burst_per_s: float = Field(default=0.04, ge=0, le=10)
-    """Bursts of an anchor per second: a few readings in a row share one offset."""
+    """Number of bursts of an anchor per second; in a burst, a few readings in a row share one
+    offset."""
     burst_lengths: tuple[float, ...] = Field(default=(0.0, 0.5, 0.5), strict=False, min_length=1)
-    """Shares of the bursts that last 1, 2, 3 ... readings; they add up to 1."""
+    """Shares of the bursts that last 1, 2, 3 ... readings; they must add up to 1."""
     burst_negative_share: _Share = 0.8
+    """Share of the bursts whose offset is negative."""
     burst_median_m: float = Field(default=4.0, gt=0, le=100)
-    """Median size of a burst's offset; log-normal ..."""
+    """Median size of the offset of a burst; log-normal."""
     burst_log_sigma: float = Field(default=0.7, ge=0, le=3)
-    """... with this standard deviation of its logarithm ..."""
+    """Standard deviation of the logarithm of this size."""
     burst_max_m: float = Field(default=12.0, gt=0, le=1000)
-    """... and never larger than this."""
+    """Largest size of the offset of a burst."""
 
     clock_offset_s: float = Field(default=0.2, ge=-3600, le=3600)
-    """Radio clock minus trajectory clock: how late the readings' stamps are."""
+    """Radio clock minus trajectory clock: how late the timestamps of the readings are."""
     rssi_at_1m_dbm: float = Field(default=-77.0, ge=-200, le=30)
     rssi_per_decade_db: float = Field(default=4.5, ge=0, le=60)
-    """Loss of received power for each tenfold distance; 20 in free space, less in a receiver
-    that saturates."""
+    """Loss of received power for every factor of ten in distance; 20 in free space, less in a
+    receiver that saturates."""
     rssi_sigma_db: float = Field(default=1.5, ge=0, le=20)
     nlos_first_path_loss_db: float = Field(default=6.0, ge=0, le=60)
-    """How much weaker the first path is without line of sight."""
+    """Additional loss of the first path without line of sight."""
 
     @model_validator(mode="after")
     def _check(self) -> RangingConfig:
@@ -220,26 +225,26 @@ SECTIONS: dict[str, type[Settings]] = {
 
 
 class PassConfig(Settings):
-    """One pass along one work zone: all that a simulated scene depends on besides its seed."""
+    """One pass along one work zone: everything that a simulated scene depends on but its seed."""
 
     road: RoadConfig = RoadConfig()
     closure: ClosureConfig = ClosureConfig()
     drive: DriveConfig = DriveConfig()
     ranging: RangingConfig = RangingConfig()
     vary: dict[str, list[Choice]] = Field(default_factory=dict)
-    """Settings that every pass of a batch draws anew: ``section.setting`` to a span (two numbers,
-    low and high) or to a list to choose from."""
+    """Settings that are drawn anew for every pass of a batch: maps ``section.setting`` to a span
+    (two numbers, low and high) or to a list of choices."""
     split: Literal["all", "training", "test"] = "all"
-    """Which of the layouts that ``vary`` can give: none is in both of the two parts."""
+    """Part of the layouts that ``vary`` can produce; ``training`` and ``test`` are disjoint."""
 
     @model_validator(mode="after")
     def _check(self) -> PassConfig:
         for key, values in self.vary.items():
             section, _, setting = key.partition(".")
             if section not in SECTIONS or setting not in SECTIONS[section].model_fields:
-                raise ValueError(f"vary: there is no setting {key!r}")
+                raise ValueError(f"vary: unknown setting {key!r}")
             if not values:
-                raise ValueError(f"vary: expected something to choose from for {key}")
+                raise ValueError(f"vary: expected at least one choice for {key}")
             if is_span(values) and values[0] > values[1]:  # type: ignore[operator]  # numbers
                 raise ValueError(f"vary: expected low <= high for {key}, got {values}")
             # Where both ends of a span are possible, what lies between them is, too.

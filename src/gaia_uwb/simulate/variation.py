@@ -60,7 +60,7 @@ def draw_settings(config: PassConfig, rng: np.random.Generator) -> dict[str, Cho
         }
         if config.split == "all" or config.split == layout_part(PassRows.of(config, [drawn])):
             return drawn
-    raise ConfigError(f"split: no layout of these settings is in the {config.split} part")
+    raise ConfigError(f"split: these settings have no layout in the {config.split} part")
 
 
 def layout_part(config: PassSettings) -> str:

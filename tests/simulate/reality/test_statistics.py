@@ -105,5 +105,5 @@ def test_errors_must_be_there_and_differ() -> None:
     ):
         with pytest.raises(InputError, match="at least one finite error"):
             function()
-    with pytest.raises(InputError, match="errors that differ"):
+    with pytest.raises(InputError, match="different errors"):
         autocorrelation([np.ones(5)], 2, clip_m=5.0)

@@ -48,7 +48,7 @@ def masked_huber(prediction_m: Tensor, target_m: Tensor, weight: Tensor, delta_m
 
 
 def layout_loss(layout_m: Tensor, anchor_m: Tensor, anchor_mask: Tensor) -> Tensor:
-    """Return the mean squared distance of a layout from the true one, L_layout, in m^2.
+    """Return the mean squared distance of a layout from the true one, L_layout, in m².
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def layout_loss(layout_m: Tensor, anchor_m: Tensor, anchor_mask: Tensor) -> Tens
 
 
 def consistency_loss(prediction_m: Tensor, layout_distance_m: Tensor, mask: Tensor) -> Tensor:
-    """Return how far predicted ranges are from those of the layout, L_cons, in m^2.
+    """Return how far predicted ranges are from those of the layout, L_cons, in m².
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def anchor_loss(
     scale_m: float,
     options: WindowTrainingOptions,
 ) -> Tensor:
-    """Return how well anchors follow from the predicted ranges, L_anchor, in m^2.
+    """Return how well anchors follow from the predicted ranges, L_anchor, in m².
 
     Each anchor is located on both sides of the path; the hypothesis nearer to the truth counts, and
     its residual is added, so that predicted ranges fit the true side.

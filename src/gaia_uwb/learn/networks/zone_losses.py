@@ -89,7 +89,7 @@ def zone_loss_terms(
     Returns
     -------
     dict
-        ``scene``, ``range``, ``sigma``, ``nlos``, ``total``, and ``distance_mse_overall`` in m^2.
+        ``scene``, ``range``, ``sigma``, ``nlos``, ``total``, and ``distance_mse_overall`` in m².
     """
     observed = mask.amax(dim=-1)
     total = mask.new_zeros(())

@@ -174,7 +174,9 @@ def check_simulator(
     """
     cases = sorted({case_of(scene) for scene in scenes})
     if len(cases) < 4:
-        raise InputError(f"expected at least 4 cases to fit some and check the others, got {cases}")
+        raise InputError(
+            f"expected at least 4 cases, to fit some and check the others, got {cases}"
+        )
     naive = PRESETS["naive"].ranging
     pools = {
         "real": list(scenes),

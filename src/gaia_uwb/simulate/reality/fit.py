@@ -59,7 +59,7 @@ def fit_ranging(scenes: Sequence[Scene]) -> RangingConfig:
     """
     tracks = [track for scene in scenes for track in _tracks(scene)]
     if sum(len(track.t_s) for track in tracks) < 100:
-        raise InputError("expected at least 100 ranges with a known true distance to fit errors to")
+        raise InputError("expected at least 100 ranges with a known true distance for the fit")
     found = _polling(tracks) | _bursts(tracks) | _sight(tracks) | _power(scenes)
     found |= _errors(tracks, 1.0 / found["rate_hz"])
     offset_s = float(np.median([clock_offset_s(scene) for scene in scenes]))

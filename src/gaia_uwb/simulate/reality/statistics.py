@@ -196,7 +196,7 @@ def autocorrelation(
         if len(pairs):
             covariance[lag] = pairs.mean()
     if covariance[0] == 0.0:
-        raise InputError("expected errors that differ, got the same one everywhere")
+        raise InputError("expected different errors, got the same value everywhere")
     return np.asarray(covariance / covariance[0])
 
 
