@@ -1,9 +1,9 @@
-"""Measure what the uncertainty of places and boundary is worth: docs/boundary-uncertainty.md.
+"""Measure how often the stated uncertainties hold: docs/boundary-uncertainty.md.
 
-Counts how often the inner region is wholly within the true zone, the true zone wholly within the
-outer region, and how often an anchor's 90 % ellipse, or one of the two ellipses of an anchor whose
-side is open, holds its true place. With --calibrate it prints, for simulated training layouts only,
-the coverage at several levels, and the levels between them that `Levels` holds.
+Counts how often the inner region lies wholly within the true zone, and the true zone wholly within
+the outer region. It also counts how often the 90 % ellipse of a cone, or one of the two ellipses of
+a cone whose side is open, contains the true position. With --calibrate it prints the coverage at
+several levels, for simulated training layouts only, and the interpolated levels for `Levels`.
 
 Usage: python benchmarks/quality/boundary_coverage.py [--data-dir FOLDER] [--episodes N]
        [--calibrate] [--denoiser NAME] (or GAIA_DATA_DIR)

@@ -1,8 +1,8 @@
-"""Work zones of a kilometre, passed once: how many cones that are called ok are on the wrong side.
+"""Work zones of a kilometre, passed once: how many cones with status ok are on the wrong side.
 
-Run ``python benchmarks/quality/long_zones.py``; a minute. Straight roads with little bend, cones on
-one side, no lane change: what tells the side is how cones stand beside each other. ``expected`` is
-the sum of the mirror probabilities that were given.
+Run ``python benchmarks/quality/long_zones.py``; it takes a minute. The roads are nearly straight,
+with all cones on one side and no lane change, so only the relative positions of the cones determine
+the side. ``expected`` is the sum of the reported mirror probabilities.
 """
 
 from __future__ import annotations

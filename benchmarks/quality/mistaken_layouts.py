@@ -1,12 +1,12 @@
-"""Which limit tells a mistaken layout best: a comparison on validation windows.
+"""Which limit detects a mistaken layout best: a comparison on validation windows.
 
     gaia reproduce all --out OUT
     python benchmarks/quality/mistaken_layouts.py OUT/models
 
 A window that GAIA corrects farther than the limit gets a running median. The limit is a multiple of
-a quantile of what the training windows need (``plausible_correction.py``). Each model is looked at
-on its own validation windows, which are neither in its training nor in any test. Printed are the
-mean squared range error in m² and the number of windows that were given to the median.
+a quantile of what the training windows need (``plausible_correction.py``). Each model is scored
+on its own validation windows, which are neither in its training nor in any test. The output is the
+mean squared range error in m² and the number of windows that got the median.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def main() -> None:
         errors[name] = np.array([[error for error, _ in row] for row in rows])
     worse = np.exp(np.mean([np.log(e / e.min()) for e in errors.values()], axis=0))
     share, times = np.unravel_index(worse.argmin(), worse.shape)
-    print("error as a multiple of each data's best, geometric mean:")
+    print("error relative to the best of each data set, geometric mean:")
     for quantile, row in zip(SHARES, worse, strict=True):
         texts = (f"x{t:g}: {w:.3f}" for t, w in zip(TIMES, row, strict=True))
         print(f"  {quantile:.1%}  {'  '.join(texts)}")

@@ -1,4 +1,4 @@
-"""Measure where the ``stress`` preset lies beside the paper's stress-test simulation (its table 2).
+"""Compare the ``stress`` preset with the paper's stress-test simulation (its table 2).
 
 216 episodes of 64 steps, our denoisers, the paper's solver (``wls``) with the paper's true NLOS
 labels. Run ``python benchmarks/quality/stress_regime.py``; a table is printed and kept
@@ -40,7 +40,7 @@ def main() -> None:
         result[method] = means(scores.per_episode, test.groups, METRICS)
     result["kalman in the paper"] = dict(zip(METRICS, PAPER_KALMAN, strict=True))
     los = 1 - float(np.concatenate(nlos).mean())
-    print(f"with line of sight: {100 * los:.1f} % of the ranges (the paper: 21.5 %)")
+    print(f"with line of sight: {100 * los:.1f} % of the ranges (paper: 21.5 %)")
     print("".ljust(22) + "".join(name.rjust(22) for name in METRICS))
     for method, values in result.items():
         print(method.ljust(22) + "".join(f"{values[name]:22.3f}" for name in METRICS))

@@ -1,9 +1,9 @@
-"""What a second lane gives: sides, errors and coverage of one pass and of two, fused.
+"""What a second lane adds: sides, errors and coverage of one pass and of two fused passes.
 
     python benchmarks/quality/two_passes.py [--zones 100] [--presets straight lane-closure]
 
-Coverage and error are those of the better of the two places, so that a wrong side counts as a wrong
-side only. The sides are those that the ranges alone prefer, before the anchors decide jointly.
+Coverage and error refer to the better of the two positions, so that a wrong side counts only as a
+wrong side. The sides are those that the ranges alone prefer, before the joint decision.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def main() -> None:
                 add(two, fused.hypotheses, truth.anchor_m)
             moved += len(fused.disagreements)
         print(f"{preset}: one pass  {row(one)}")
-        print(f"{preset}: two lanes {row(two)}; {moved} falsely called moved")
+        print(f"{preset}: two lanes {row(two)}; {moved} wrongly called moved")
 
 
 if __name__ == "__main__":

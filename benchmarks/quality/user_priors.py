@@ -1,4 +1,4 @@
-"""Measure what a user's knowledge of a zone is worth: docs/howto/known-facts.md.
+"""Measure how much a user's knowledge about a zone helps: docs/howto/known-facts.md.
 
 The same simulated test passes are reconstructed without and with true statements, and with wrong
 ones.

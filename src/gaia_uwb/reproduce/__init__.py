@@ -4,7 +4,7 @@
 ``trainings``    models: trained where missing or stale, several at a time (``jobs``)
 ``predictions``  what each method makes of each episode, kept in files apart from all scores
 ``scores``       means with intervals, and paired differences, always from the predictions
-``outdoor``      table 1, and what the parts of the alignment are worth
+``outdoor``      table 1, and what each part of the alignment is worth
 ``stress_test``  table 2 and the ablations
 ``robustness``   table 4
 ``simulator_table``  table 5

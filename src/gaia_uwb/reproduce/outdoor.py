@@ -1,4 +1,4 @@
-"""Table 1: all methods on the outdoor data set, and what the parts of the alignment are worth.
+"""Table 1: all methods on the outdoor data set, and what each part of the alignment is worth.
 
 A learned method's models are trained once for each fold, on windows of 64 steps, and applied to all
 lengths; no model is scored on ranges that it has seen:

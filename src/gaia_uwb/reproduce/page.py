@@ -220,7 +220,7 @@ def _times(results: Mapping[str, Any]) -> Iterator[str]:
             )
     yield f"Machine: {results['machine']}. GAIA {results['version']}.\n"
     yield markdown_table(
-        ["command", "models", "training (one core)", "predictions", "everything but training"], rows
+        ["command", "models", "training (one core)", "predictions", "all but training"], rows
     )
     yield (
         "Models that two parts share are counted in both. Predictions kept from an earlier call "

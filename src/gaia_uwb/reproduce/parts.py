@@ -109,7 +109,7 @@ def make_ablation(workshop: Workshop) -> dict[str, Any]:
 
 
 def make_table4(workshop: Workshop) -> dict[str, Any]:
-    """Make table 4: the stress test made worse.
+    """Make table 4: the stress test under more stress.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def make_table5(workshop: Workshop) -> dict[str, Any]:
 
 
 def make_alignment(workshop: Workshop) -> dict[str, Any]:
-    """Make the tables on what the parts of the alignment are worth.
+    """Make the tables on what each part of the alignment is worth.
 
     Parameters
     ----------

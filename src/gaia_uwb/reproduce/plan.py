@@ -66,7 +66,7 @@ METHODS = (
 """Rows of tables 1, 2 and 4, in their order."""
 
 BASELINES = ("kalman", "mlp", "pose-kalman", "pose-mlp")
-"""The paper's; the margin of table 4 is over the best of them."""
+"""The paper's baselines; the margin of table 4 is relative to the best of them."""
 
 REFERENCES = ("gaia", "gaia-set")
 """Methods that all others are subtracted from in tables of paired differences."""

@@ -1,4 +1,4 @@
-"""Table 4 and its figure: methods on data made worse.
+"""Table 4 and its figure: methods on data under stress.
 
 The models are those of table 2, not trained again ("zero-shot"); the geometry is fixed.
 """
