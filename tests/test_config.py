@@ -125,7 +125,7 @@ def test_files_that_are_no_settings(tmp_path: Path, text: str | bytes) -> None:
 
 
 def test_a_key_twice_names_its_line(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="line 2: the key 'denoiser' is here twice"):
+    with pytest.raises(ConfigError, match="line 2: duplicate key 'denoiser'"):
         load_config(write(tmp_path, "denoiser: raw\ndenoiser: median"))
 
 

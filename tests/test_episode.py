@@ -99,7 +99,7 @@ def test_an_episode_truth_refuses(changes: dict, message: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"anchor_ids": ("a", "")}, "anchor_id: expected unique anchor ids, got an empty id"),
+        ({"anchor_ids": ("a", "")}, "anchor_id: anchor ids must be non-empty text"),
         ({"anchor_ids": ("a", "b", "c")}, r"range_m: expected shape \(10, 3\), got \(10, 2\)"),
         ({"t_s": np.zeros(0)}, "t_s: expected at least one step, got none"),
         ({"t_s": np.zeros(10)}, "row 2, column t_s: expected increasing time"),

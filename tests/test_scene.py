@@ -157,7 +157,7 @@ def test_a_truth_refuses(changes: dict, message: str) -> None:
     ("changes", "message"),
     [
         ({"anchor_ids": ()}, "pass, column anchor_id: expected at least one anchor"),
-        ({"anchor_ids": ("a", "a")}, "pass, column anchor_id: expected unique"),
+        ({"anchor_ids": ("a", "a")}, "pass, column anchor_id: anchor ids must be unique"),
         (
             {"anchor_ids": ("a",)},
             "pass, column anchor: a reading points to anchor 1, but there are",

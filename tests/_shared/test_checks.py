@@ -121,8 +121,8 @@ def test_check_heights() -> None:
     ("ids", "message"),
     [
         ((), "expected at least one anchor, got none"),
-        (("a", ""), "expected unique anchor ids, got an empty id"),
-        (("a", "b", "a"), "expected unique anchor ids, got 'a' twice"),
+        (("a", ""), "anchor ids must be non-empty text"),
+        (("a", "b", "a"), "anchor ids must be unique, got 'a' twice"),
     ],
 )
 def test_check_ids(ids: tuple[str, ...], message: str) -> None:

@@ -224,7 +224,7 @@ def test_yaml_manifests_list_the_logs_of_each_zone(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("a: [x]\nb: [y]\na: [z]", "fleet.yaml: line 3: the key 'a' is here twice"),
+        ("a: [x]\nb: [y]\na: [z]", "fleet.yaml: line 3: duplicate key 'a'"),
         ("a: [x\n", "fleet.yaml: line 2: "),
         ("- x", "fleet.yaml: expected a list of logs for each zone"),
         ("7: [x]", "expected text as the name of a zone, got 7; write it in quotes"),

@@ -30,7 +30,7 @@ def test_a_file_changes_what_it_names(tmp_path: Path) -> None:
         ("network: {kind: transformer}", "transformer"),
         ("[1, 2]", "sections"),
         ("{", "cannot read"),
-        ("sets: {}\nsets: {}", "line 2: the key 'sets' is here twice"),
+        ("sets: {}\nsets: {}", "line 2: duplicate key 'sets'"),
     ],
 )
 def test_a_wrong_file_is_one_line(tmp_path: Path, text: str, problem: str) -> None:

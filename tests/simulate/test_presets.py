@@ -88,7 +88,7 @@ def test_a_preset_survives_its_file(name: str, tmp_path: Path) -> None:
         (b"drive: {colour: 3}", "drive.colour"),
         (b"- 1", "dictionary"),
         (b"drive: [", "cannot read"),
-        (b"drive: {}\ndrive: {}", "line 2: the key 'drive' is here twice"),
+        (b"drive: {}\ndrive: {}", "line 2: duplicate key 'drive'"),
         (b"\xff\xfe", "cannot read"),
         (b"vary: {drive.colour: [1.0, 2.0]}", "unknown setting"),
     ],

@@ -1,4 +1,4 @@
-"""Serve all other folders: arrays, checks, errors, files, text, figures; nothing about UWB."""
+"""Shared by all other folders: arrays, checks, errors, files, text, figures; nothing about UWB."""
 
 import lazy_loader
 

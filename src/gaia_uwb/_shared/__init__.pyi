@@ -36,6 +36,7 @@ from .strict_yaml import MAX_BYTES as MAX_BYTES
 from .strict_yaml import YamlError as YamlError
 from .strict_yaml import read_yaml as read_yaml
 from .symmetric import Symmetric as Symmetric
+from .text import counted as counted
 from .text import in_a_line as in_a_line
 from .text import in_html as in_html
 from .text import in_markdown as in_markdown

@@ -90,15 +90,13 @@ def check_heights(name: str, up_m: Float64[Array, "N"], n: int, *, source: str) 
 
 
 def check_ids(anchor_ids: Sequence[str], *, source: str | None = None) -> None:
-    """Refuse an empty list of anchors, an empty id, and one that is there twice."""
+    """Refuse an empty list of anchors, an empty id, and a duplicate id."""
     column = "anchor_id"
     if not anchor_ids:
         raise InputError("expected at least one anchor, got none", source=source, column=column)
     seen: set[str] = set()
     for anchor_id in anchor_ids:
         if not anchor_id or anchor_id in seen:
-            what = f"{anchor_id!r} twice" if anchor_id else "an empty id"
-            raise InputError(
-                f"expected unique anchor ids, got {what}", source=source, column=column
-            )
+            what = f"unique, got {anchor_id!r} twice" if anchor_id else "non-empty text"
+            raise InputError(f"anchor ids must be {what}", source=source, column=column)
         seen.add(anchor_id)

@@ -11,13 +11,13 @@ _LONGEST_LINE = 1600
 
 
 class GaiaError(Exception):
-    r"""Base of all errors raised by GAIA; its text is one line made for the user.
+    r"""Base of all errors raised by GAIA; its text is one line written for the user.
 
     Parameters
     ----------
     text
-        What is wrong and where. What is not printable is written out, and where there is too much
-        for a line, the middle is left out: what it quotes may come from a damaged file.
+        What is wrong and where. Unprintable characters are escaped, and the middle of a text that
+        is too long for a line is left out: what it quotes may come from a corrupt file.
 
     Examples
     --------
@@ -39,13 +39,13 @@ class ConfigError(GaiaError):
 
 
 class SourceError(GaiaError):
-    """A data source, data set or part of it was not found, or its name cannot be understood."""
+    """A data source, data set or part of it was not found, or its name is not valid."""
 
     __module__ = "gaia_uwb"
 
 
 class DownloadError(GaiaError):
-    """A file could not be fetched, or what arrived is not what was promised."""
+    """A file could not be fetched, or its content is not what was expected."""
 
     __module__ = "gaia_uwb"
 

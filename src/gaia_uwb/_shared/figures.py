@@ -81,7 +81,7 @@ def look(method: str) -> Look:
     Parameters
     ----------
     method
-        Its name; one that is not known is drawn in black.
+        Its name; an unknown one is drawn in black.
 
     Examples
     --------
@@ -93,7 +93,7 @@ def look(method: str) -> Look:
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw figures inside this block in the style of the house."""
+    """Draw figures inside this block in the house style."""
     from matplotlib import rc_context
 
     with rc_context(STYLE):  # type: ignore[arg-type]  # its keys are literals
@@ -137,7 +137,7 @@ def figure_files(figure: Figure, *, note: str = "") -> dict[str, bytes]:
 
 
 def legend_above(figure: Figure, axes: Axes) -> None:
-    """Put one legend above all panels, in as many rows as the page's width asks for.
+    """Put one legend above all panels, in as many rows as the page's width requires.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Write result files so that nobody ever sees half of one.
 
 Each file is written under a hidden temporary name in the folder itself, flushed to the disk, and
-renamed: the name shows the old content or the whole new one, also if the program is killed or the
+renamed: the name shows the old content or the whole new one, even if the program is killed or the
 power fails in between. A killed program leaves at most one hidden file, whose name says whose it is
 (``.gaia-<machine>-<process>-<random>-<name>``); the next run in that folder removes it.
 
@@ -34,19 +34,19 @@ _ABANDONED_S = 86_400.0
 
 
 class OutputFolder:
-    """A folder for results, made and tested for writing before any work starts.
+    """A folder for results, created and tested for writing before any work starts.
 
-    What killed runs left there half-written is removed.
+    Half-written files that killed runs left there are removed.
 
     Parameters
     ----------
     path
-        The folder; it and its parents are made if needed.
+        The folder; it and its parents are created if missing.
 
     Raises
     ------
     ConfigError
-        If the folder cannot be made or written to.
+        If the folder cannot be created or written to.
     """
 
     def __init__(self, path: Path) -> None:
@@ -161,7 +161,7 @@ def temporary_path(folder: Path, name: str) -> Path:
     Parameters
     ----------
     folder
-        Where the file shall be.
+        Where the file will be.
     name
         What it will be called.
     """
@@ -172,8 +172,8 @@ def temporary_path(folder: Path, name: str) -> Path:
 def remove_abandoned(folder: Path) -> None:
     """Remove what killed programs left under temporary names in a folder, not in those below it.
 
-    Only what certainly has no owner goes: its process ran on this machine and is no more, or it has
-    not been touched for a day. What cannot be removed stays.
+    Only files that certainly have no owner are removed: their process ran on this machine and has
+    ended, or they have not been touched for a day. What cannot be removed stays.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ class Mark:
     Parameters
     ----------
     name
-        What is written beside it.
+        The text next to it.
     place_m : (2,)
         East and north, in metres.
     covariance_m2 : (2, 2), optional
@@ -60,7 +60,7 @@ def summary(
     picture
         What :func:`sketch` returned.
     head, rows
-        A table of plain text; of many rows the first are shown.
+        A table of plain text; of many rows, only the first are shown.
     """
     lines = [
         f"<strong>{in_html(title)}</strong>",

@@ -1,6 +1,6 @@
-r"""YAML as people write settings in it: small, plain, and every key once.
+r"""Read YAML as people write settings: small, plain, and with every key once.
 
-PyYAML keeps the last of two equal keys without a word, follows aliases into structures that grow
+PyYAML silently keeps the last of two equal keys, follows aliases into structures that grow
 without bound, and its fast parser overruns the stack on deep nesting. Here each of these is an
 error that names the line.
 
@@ -9,7 +9,7 @@ error that names the line.
 {'frame': {'lat_deg': 48.1, 'lon_deg': 11.5}}
 >>> parse_yaml("name: a\nname: b")
 Traceback (most recent call last):
-gaia_uwb._shared.YamlError: line 2: the key 'name' is here twice
+gaia_uwb._shared.strict_yaml.YamlError: line 2: duplicate key 'name'
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _MAX_DIGITS = 40
 
 
 class YamlError(ValueError):
-    """A text is not YAML, or not as plain as it must be; its text is one line."""
+    """A text is not YAML, or not plain enough; the message is one line."""
 
 
 def read_yaml(path: Path, *, most_bytes: int = MAX_BYTES) -> Any:
@@ -56,7 +56,7 @@ def read_yaml(path: Path, *, most_bytes: int = MAX_BYTES) -> Any:
     with path.open("rb") as file:
         content = file.read(most_bytes + 1)
     if len(content) > most_bytes:
-        raise YamlError(f"more than {most_bytes:,} bytes are too many for such a file")
+        raise YamlError(f"larger than {most_bytes:,} bytes")
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -105,12 +105,17 @@ def _check_plain(text: str) -> None:
     for event in yaml.parse(text, Loader=_loader()):
         if isinstance(event, yaml.AliasEvent):
             name = str(event.anchor)[:40]
-            raise _error(event.start_mark, f"write out what *{name} stands for")
+            raise _error(
+                event.start_mark, f"YAML aliases are not allowed: write out the value of *{name}"
+            )
         if getattr(event, "tag", None) is not None:
-            raise _error(event.start_mark, f"write plain values, without the tag {event.tag[:40]}")
+            raise _error(
+                event.start_mark,
+                f"YAML tags are not allowed: write a plain value, not {event.tag[:40]}",
+            )
         documents += isinstance(event, yaml.DocumentStartEvent)
         if documents > 1:
-            raise _error(event.start_mark, "expected one document, got another one behind it")
+            raise _error(event.start_mark, "expected one document, got a second one")
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         if depth > _MAX_DEPTH:
@@ -138,14 +143,14 @@ def _loader() -> Any:
         for key_node, value_node in node.value:
             key = loader.construct_object(key_node, deep=True)
             if isinstance(key, (list, dict, set)):
-                raise _error(key_node.start_mark, "expected a name as key")
+                raise _error(key_node.start_mark, "expected a name as the key")
             if key in found:
-                raise _error(key_node.start_mark, f"the key {shown(key)} is here twice")
+                raise _error(key_node.start_mark, f"duplicate key {shown(key)}")
             found[key] = loader.construct_object(value_node, deep=True)
 
     def scalar(loader: Any, node: Any) -> Any:
         if len(node.value) > _MAX_DIGITS:
-            raise _error(node.start_mark, f"a number of {len(node.value):,} characters")
+            raise _error(node.start_mark, f"number too long: {len(node.value):,} characters")
         try:
             return base.yaml_constructors[node.tag](loader, node)
         except ValueError as error:  # like the 13th month

@@ -1,6 +1,6 @@
 """Many symmetric 2 x 2 matrices at once, in closed form.
 
-A general routine for small matrices spends nearly all of its time on getting to them; with one
+A general routine for small matrices spends nearly all of its time on overhead; with one
 array for each of the three numbers, an operation on thousands of them is a few array operations.
 """
 
@@ -59,7 +59,7 @@ class Symmetric:
         return Symmetric(self.xx[key], self.xy[key], self.yy[key])
 
     def scaled(self, factor: Float64[Array, "..."] | float) -> Symmetric:
-        """Return them times a number each."""
+        """Return each of them times a number."""
         return Symmetric(factor * self.xx, factor * self.xy, factor * self.yy)
 
     def determinant(self) -> Float64[Array, "..."]:

@@ -17,7 +17,7 @@ _LINKS = re.compile(r"(?i)(https?|ftp|mailto|xmpp):|\b(www)\.|:(?=[\w+-]+:)")
 
 
 def written_out(text: str) -> str:
-    r"""Return text with what is not printable written out, line ends as well.
+    r"""Return text with unprintable characters escaped, line ends included.
 
     So it cannot steer a terminal, and is one line.
 
@@ -35,7 +35,7 @@ def written_out(text: str) -> str:
 
 
 def printable(text: str) -> str:
-    """Return text on one line, with what steers a screen or turns its order written out.
+    """Return text on one line, with characters that steer a screen or reverse its order escaped.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def shortened(text: str) -> str:
 
 
 def in_a_line(text: str, longest: int) -> str:
-    r"""Return text that a line can hold: what is not printable written out, the middle left out.
+    r"""Return text that a line can hold: unprintable characters escaped, the middle left out.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def metres(value_m: float) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share as people read it: no certainty is claimed that is only rounding.
+    """Return a share as people read it, never rounded up to certainty.
 
     Parameters
     ----------
@@ -151,3 +151,21 @@ def percent(share: float) -> str:
     if share > 0.99:
         return "more than 99 %"
     return f"{100.0 * share:.0f} %"
+
+
+def counted(n: int, one: str, many: str | None = None) -> str:
+    """Return a number with its noun, in the singular for 1.
+
+    Parameters
+    ----------
+    n
+        How many.
+    one, many
+        The noun; by default the plural is ``one`` with an s.
+
+    Examples
+    --------
+    >>> counted(1, "row"), counted(12_000, "row"), counted(2, "fix", "fixes")
+    ('1 row', '12,000 rows', '2 fixes')
+    """
+    return f"{n:,} {one if n == 1 else many or f'{one}s'}"
