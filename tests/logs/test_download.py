@@ -188,7 +188,7 @@ def test_a_folder_that_cannot_be_made(mirror: Path, tmp_path: Path) -> None:
 
 
 def test_unknown_data_set(tmp_path: Path) -> None:
-    with pytest.raises(SourceError, match="unknown data set 'indoor'; there are outdoor-uwb"):
+    with pytest.raises(SourceError, match="unknown data set 'indoor'; available: outdoor-uwb"):
         fetch("indoor", tmp_path)
 
 

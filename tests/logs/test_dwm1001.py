@@ -67,8 +67,8 @@ def test_broken_lines_are_counted(tmp_path: Path) -> None:
     assert len(table) == 4
     assert table.number.tolist() == [2, 2, 6, 6]
     assert notes == [
-        "tag.log: 2 broken lines left out, the first is line 3",
-        "tag.log: 1 lines without a stamp left out",
+        "tag.log: skipped 2 broken lines, the first is line 3",
+        "tag.log: skipped 1 line without a stamp",
     ]
     assert str(table.error("is odd", index=2, column="range_m")).endswith(
         "tag.log, row 6, column range_m: is odd"
@@ -78,8 +78,8 @@ def test_broken_lines_are_counted(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("hello", "holds no 'lec' line"),
-        (LEC, "lack the host's time"),
+        ("hello", "contains no 'lec' lines"),
+        (LEC, "have no host time"),
         ("1.0 " + LEC[:30], "row 1: all lines with ranges are broken"),
     ],
 )

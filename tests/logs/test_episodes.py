@@ -104,7 +104,7 @@ def test_the_next_run_removes_what_a_killed_one_left(tmp_path: Path) -> None:
 
 
 def test_a_folder_without_episodes_is_a_source_error(tmp_path: Path) -> None:
-    with pytest.raises(SourceError, match="holds no"):
+    with pytest.raises(SourceError, match="contains no"):
         read_episodes(tmp_path)
 
 
@@ -138,7 +138,10 @@ def test_bad_parts_are_input_errors(folder: Path) -> None:
         (table.with_columns(pl.lit([1.0]).alias("anchor_id")), "column anchor_id: expected a type"),
         (table.with_columns(pl.lit(None, pl.Float64).alias("true_range_m")), "got nothing"),
         (table.with_columns(pl.lit(1.0).alias("t_s")), "row 1, column t_s: .* increasing time"),
-        (pl.concat([table, table.head(1)]), "column episode: expected the rows .* together"),
+        (
+            pl.concat([table, table.head(1)]),
+            "column episode: expected the rows .* to follow one another",
+        ),
     ):
         bad.write_parquet(path)
         with pytest.raises(InputError, match=says) as error:

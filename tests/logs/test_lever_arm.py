@@ -41,5 +41,5 @@ def test_noise_at_a_standstill_does_not_turn_the_vehicle() -> None:
 
 
 def test_a_vehicle_that_never_moves_has_no_heading() -> None:
-    with pytest.raises(InputError, match="never leads 1 m away"):
+    with pytest.raises(InputError, match="never gets 1 m from its start"):
         move_to_tag(np.arange(3.0), np.zeros((3, 2)), None, LeverArm(left_m=1.0))

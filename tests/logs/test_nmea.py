@@ -59,7 +59,7 @@ def test_host_stamps(tmp_path: Path) -> None:
     path = write(tmp_path, f"{DAY_S}.25 {gga()}", f"{DAY_S}.50 -> {gga()}", gga())
     table, notes = read_nmea(path, clock="host")
     assert table["t_s"].tolist() == [DAY_S + 0.25, DAY_S + 0.5]
-    assert notes == ["drive.nmea: 1 sentences without a stamp left out"]
+    assert notes == ["drive.nmea: skipped 1 sentence without a stamp"]
     with pytest.raises(InputError, match="use clock: gnss"):
         read_nmea(write(tmp_path, gga()), clock="host")
 
@@ -82,22 +82,22 @@ def test_broken_sentences_and_missing_fixes_are_counted(tmp_path: Path) -> None:
     )
     assert len(table) == 2
     assert notes[:2] == [
-        "drive.nmea: 3 broken sentences left out, the first is in line 2",
-        "drive.nmea: 1 sentences without a fix left out",
+        "drive.nmea: skipped 3 broken sentences, the first is in line 2",
+        "drive.nmea: skipped 1 sentence without a fix",
     ]
 
 
 def test_a_fix_without_a_height(tmp_path: Path) -> None:
     table, notes = read_nmea(write(tmp_path, gga(), gga("120001.00", alt="")))
     assert "alt_m" not in table
-    assert "1 fixes lack a height: heights not used" in notes[0]
+    assert "heights ignored, as 1 fix had none" in notes[0]
 
 
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("hello", "holds no GGA sentence"),
-        (gga(fix="0"), "none of its 1 GGA sentences has a fix"),
+        ("hello", "contains no GGA sentences"),
+        (gga(fix="0"), "no fix in any of its 1 GGA sentences"),
         (gga()[:-1] + "?", "row 1: all GGA sentences are broken"),
     ],
 )

@@ -83,7 +83,7 @@ def test_packed_logs_hold_the_same(
 
 def test_a_folder_packed_as_files_is_refused(tmp_path: Path) -> None:
     how = (CompressionMode.FILE, CompressionFormat.ZSTD)
-    with pytest.raises(InputError, match="its files are packed: unpack them"):
+    with pytest.raises(InputError, match="its files are compressed: decompress them"):
         RosLog(write_drive(tmp_path, "folder-mcap", how))
 
 
@@ -129,8 +129,10 @@ def test_arrays_beside_each_other(tmp_path: Path) -> None:
     scene, notes = read_described(path)
     assert scene.anchor_ids == ("A", "B")
     assert scene.ranges.range_m.tolist()[:2] == [12.5, 30.25]
-    assert notes == ("/uwb: no header, so the time of recording counts",)
-    with pytest.raises(InputError, match=r"no field 'header.stamp'.*clock: receive needs none"):
+    assert notes == ("/uwb: no header, so the time of recording is used",)
+    with pytest.raises(
+        InputError, match=r"no field 'header.stamp'.*clock: receive does without it"
+    ):
         RosLog(path).ranges(clock="header")
 
 
@@ -139,7 +141,7 @@ def test_arrays_of_different_length_are_an_error(tmp_path: Path) -> None:
         return {"ids": ["A"] * (k + 1), "ranges": np.ones(2, np.float32)}
 
     path = write_ranges(tmp_path, "bag", "string[] ids\nfloat32[] ranges\n", each)
-    with pytest.raises(InputError, match=r"topic /uwb, message 1: .* have 1, 2 elements"):
+    with pytest.raises(InputError, match=r"topic /uwb, message 1: .* differ in length: 1, 2"):
         RosLog(path).ranges()
 
 
@@ -148,7 +150,7 @@ def test_a_map_for_any_vendor(tmp_path: Path) -> None:
         return {"when": START_S + k + 0.5, "mac": np.array([1, 0xAB], np.uint8), "mm": 1500 + k}
 
     path = write_ranges(tmp_path, "mcap", "float64 when\nuint8[2] mac\nuint32 mm\n", each)
-    with pytest.raises(InputError, match=r"no topic looks like the ranges; there are: /pose"):
+    with pytest.raises(InputError, match=r"no topic looks like the ranges; available: /pose"):
         RosLog(path).ranges()
     fields = FieldMap(anchor="mac", range="mm", scale=0.001, stamp="when")
     table = RosLog(path).ranges(fields=fields)
@@ -156,8 +158,8 @@ def test_a_map_for_any_vendor(tmp_path: Path) -> None:
     assert table["range_m"].tolist() == pytest.approx([1.5, 1.501, 1.502, 1.503, 1.504])
     assert table["t_s"][0] == START_S + 0.5
     for wrong, message in (
-        ({"anchor": "mac", "range": "millis"}, "no field 'millis': there are when, mac, mm"),
-        ({"anchor": "mac", "range": "mac", "each": "mm"}, "mm is no array of messages"),
+        ({"anchor": "mac", "range": "millis"}, "no field 'millis'; available: when, mac, mm"),
+        ({"anchor": "mac", "range": "mac", "each": "mm"}, "mm is not an array of messages"),
         ({"anchor": "when.x", "range": "mm"}, "no field 'when.x'"),
     ):
         with pytest.raises(InputError, match=message):
@@ -182,7 +184,7 @@ def test_readings_without_a_range_are_left_out_and_counted(tmp_path: Path) -> No
 
     scene, notes = read_described(write_ranges(tmp_path, "bag", FLAT, each))
     assert len(scene.ranges) == 4
-    assert notes == ("/uwb: 1 readings without a range left out",)
+    assert notes == ("/uwb: skipped 1 reading without a range",)
 
 
 def test_a_header_that_was_never_set(tmp_path: Path) -> None:
@@ -204,11 +206,11 @@ def test_topics_that_cannot_be_told_apart_are_listed(tmp_path: Path) -> None:
             "/uwb", VENDOR, START_S + k, header=log.header(1), anchor_id="A", range=1.0, rssi=0.0
         )
     path = log.close()
-    with pytest.raises(InputError, match=r"2 topics may be the trajectory: /gps/a \(sensor") as e:
+    with pytest.raises(InputError, match=r"2 topics could be the trajectory: /gps/a \(sensor") as e:
         read_described(path)
     assert "\n" not in str(e.value)
     assert len(RosLog(path).trajectory("/gps/b")) == 3
-    with pytest.raises(InputError, match="has no topic /no; there are: /gps/a"):
+    with pytest.raises(InputError, match="has no topic /no; available: /gps/a"):
         RosLog(path).trajectory("/no")
     with pytest.raises(InputError, match="a trajectory is one of NavSatFix"):
         RosLog(path).trajectory("/uwb")
@@ -277,7 +279,7 @@ def test_definitions_that_the_bag_lacks(tmp_path: Path) -> None:
     definition.write_text(FLAT, encoding="utf-8")
     assert len(RosLog(path, tmp_path / "src").ranges()) == 120
     definition.write_text("nonsense", encoding="utf-8")
-    with pytest.raises(InputError, match=r"Range\.msg: is no definition of a message"):
+    with pytest.raises(InputError, match=r"Range\.msg: is not a message definition"):
         RosLog(path, tmp_path / "src")
     with pytest.raises(InputError, match="no such folder"):
         RosLog(path, tmp_path / "none")
@@ -299,7 +301,7 @@ def test_a_recording_that_was_cut_off_is_read_up_to_there(
     ros = RosLog(path)
     table = ros.ranges(clock="receive")
     assert 0 < len(table) < 12_000
-    assert "ends within a record at byte" in ros.notes[0]
+    assert "cut off within a record at byte" in ros.notes[0]
     assert whole == 120
 
 
@@ -313,10 +315,10 @@ def test_a_ros2_folder_of_several_files_and_bad_descriptions(
     twice = read_yaml(metadata, most_bytes=100_000)
     twice["rosbag2_bagfile_information"]["relative_file_paths"] *= 2
     for wrong, message in (
-        (json.dumps(twice), "names 'log.mcap' more than once"),
+        (json.dumps(twice), "lists 'log.mcap' more than once"),
         ("", "is empty"),
         ("a: [", "cannot be read"),
-        ("a: 1", "is no description of a ROS 2 recording"),
+        ("a: 1", "is not a description of a ROS 2 recording"),
         (text.replace("log.mcap", "gone.mcap"), "no such file"),
         (text.replace("log.mcap", "metadata.yaml"), "expected a .bag, .mcap or .db3 file"),
     ):

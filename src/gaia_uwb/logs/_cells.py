@@ -1,4 +1,4 @@
-"""The cells of a CSV file, one by one: slow, and only there to say which one is wrong.
+"""The cells of a CSV file, one by one: slow, and used only to find the wrong one.
 
 Rows are counted as an editor counts lines: the header is row 1, blank lines and line breaks inside
 quotes count.
@@ -23,7 +23,7 @@ _INTEGER = re.compile(r"[+-]?[0-9]{1,19}")
 
 
 class Kind(StrEnum):
-    """What a column holds; the value is how an error calls it."""
+    """What a column holds; the value is its name in errors."""
 
     NUMBER = "a finite number"
     OPTIONAL = "a number or nothing"
@@ -124,14 +124,14 @@ def _lines(path: Path) -> Iterator[str]:
     try:
         opened = path.open("rb")
     except ValueError as error:
-        raise InputError(f"is no file's name: {error}", source=path) from error
+        raise InputError(f"is not a valid file name: {error}", source=path) from error
     with opened as file:
         for row in count(1):
             line = file.readline(_MAX_LINE_BYTES + 1)
             if not line:
                 return
             if len(line) > _MAX_LINE_BYTES:
-                problem = f"no line end within {_MAX_LINE_BYTES:,} bytes: this is no table"
+                problem = f"no line end within {_MAX_LINE_BYTES:,} bytes: this is not a table"
                 raise InputError(problem, source=path, row=row)
             try:
                 yield line.decode("utf-8-sig" if row == 1 else "utf-8")

@@ -1,7 +1,8 @@
 """From the GNSS antenna's path to the tag's: the lever arm, turned with the vehicle's heading.
 
-The heading is that of the path: the vehicle is taken to drive forward, and level. It is measured
-between points a metre apart, so that a receiver's noise at a standstill does not turn the vehicle.
+The heading is that of the path: the vehicle is assumed to drive forward, on level ground. It is
+measured between points a metre apart, so that a receiver's noise at a standstill does not turn
+the vehicle.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from gaia_uwb._shared import Array, Float64, InputError
 from gaia_uwb.config import Settings
 
 STEP_M = 1.0
-"""Least distance between two points that tell the heading."""
+"""Least distance between two points that determine the heading."""
 
 
 class LeverArm(Settings):
@@ -53,7 +54,7 @@ def move_to_tag(
     Raises
     ------
     InputError
-        If the path is too short to tell a heading.
+        If the path is too short to determine a heading.
 
     Examples
     --------
@@ -82,7 +83,7 @@ def _heading(t_s: Float64[Array, "T"], position_m: Float64[Array, "T 2"]) -> Flo
             last = place
     if len(kept) < 2:
         raise InputError(
-            f"a lever arm needs the heading, but the path never leads {STEP_M:g} m away",
+            f"a lever arm needs a heading, but the path never gets {STEP_M:g} m from its start",
             column="lever_arm",
         )
     chord_m = np.diff(position_m[kept], axis=0)

@@ -1,7 +1,7 @@
-"""Tables made from logs that are no tables: lines of text, messages of a bag, mapped columns.
+"""Tables made from logs that are not tables: lines of text, messages of a bag, mapped columns.
 
 They are checked by the same rules as GAIA's own files, and their errors name the line or the
-message, for each row remembers where it came from.
+message, because each row remembers where it came from.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from gaia_uwb._shared import Array, InputError, Int64
+from gaia_uwb._shared import Array, InputError, Int64, counted
 from gaia_uwb.logs._table import MAX_ROWS, Table
 
 MAX_ANCHORS = 4096
-"""More distinct anchors than this are no anchors: the wrong field was taken for the id."""
+"""More distinct ids than this cannot be anchors: the wrong field was used as the id."""
 
 MAX_TEXT_BYTES = 4 * 2**30
 """A larger text log is refused before it is read."""
@@ -113,7 +113,7 @@ class LogRows:
             if code == MAX_ANCHORS:
                 problem = f"more than {MAX_ANCHORS:,} anchors: is this field the anchor's id?"
             else:
-                problem = f"an anchor's id has {len(anchor_id):,} characters: is this its id?"
+                problem = f"an anchor's id of {len(anchor_id):,} characters: is this field its id?"
             raise InputError(problem, source=source)
         return code
 
@@ -183,20 +183,20 @@ def tidy(table: LogTable, *, merged: bool = False) -> tuple[LogTable, list[str]]
     table
         The rows as they were read.
     merged
-        They come from several logs one after the other, so that sorting is no news.
+        They come from several logs one after the other, so that sorting is not worth a note.
 
     Returns
     -------
     LogTable
         The rows in the order of time.
     list of str
-        Notes on what was sorted and left out.
+        Notes on what was sorted and skipped.
     """
     notes = []
     t_s = table["t_s"]
     n_late = int((np.diff(t_s) < 0).sum())
     if n_late and not merged:
-        notes.append(f"{table.path.name}: {n_late} rows come before their predecessors: sorted")
+        notes.append(f"{table.path.name}: sorted by time, as {counted(n_late, 'row')} came late")
     anchor = table.get("anchor_id")
     keys = (t_s,) if anchor is None else (anchor, t_s)
     order = np.lexsort(keys)
@@ -204,14 +204,15 @@ def tidy(table: LogTable, *, merged: bool = False) -> tuple[LogTable, list[str]]
     for key in keys:
         repeat &= np.diff(key[order]) == 0
     if repeat.any():
-        what = "have the time of another" if anchor is None else "repeat an anchor at one time"
-        notes.append(f"{table.path.name}: {int(repeat.sum())} rows {what}: left out")
+        what = "the time of another" if anchor is None else "the anchor and time of another"
+        rows = counted(int(repeat.sum()), "row")
+        notes.append(f"{table.path.name}: skipped {rows} with {what}")
     kept = order[np.append(True, ~repeat)[: len(table)]]
     return table.take(kept), notes
 
 
 def read_lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield number (from 1) and text of a log's lines; a byte that is no ASCII becomes ``?``.
+    """Yield number (from 1) and text of a log's lines; a byte that is not ASCII becomes ``?``.
 
     A line longer than 64 KiB comes in pieces, so that memory stays bounded.
 
@@ -232,7 +233,7 @@ def read_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def check_file(path: Path, most_bytes: int) -> None:
-    """Refuse what is no regular file (a pipe would wait for ever), and a file that is too large.
+    """Refuse what is not a regular file (a pipe would wait for ever), and a file that is too large.
 
     Raises
     ------
@@ -241,7 +242,7 @@ def check_file(path: Path, most_bytes: int) -> None:
     """
     try:
         if not path.is_file():
-            problem = "is no file" if path.exists() else "no such file"
+            problem = "is not a regular file" if path.exists() else "no such file"
             raise InputError(problem, source=path)
         size = path.stat().st_size
     except OSError as error:

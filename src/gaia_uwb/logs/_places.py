@@ -24,12 +24,12 @@ class Places:
 
 
 def place_kinds(path: Path, kind: Kind) -> tuple[dict[str, Kind], dict[str, Kind]]:
-    """Return the columns that must and that may tell a table's places; the former may be none.
+    """Return the required and the optional columns of a table's places; the former may be none.
 
     Raises
     ------
     InputError
-        If the table tells them in two ways.
+        If the table gives them in two ways.
     """
     names = set(read_names(path))
     on_site, on_earth = names & {"east_m", "north_m"}, names & {"lat", "lon"}
@@ -45,7 +45,7 @@ def place_kinds(path: Path, kind: Kind) -> tuple[dict[str, Kind], dict[str, Kind
 
 
 def first_place(table: Table) -> LocalFrame | None:
-    """Return the local frame whose origin is a table's first place, if it tells its place on Earth.
+    """Return the local frame at a table's first place, if the table has places on Earth.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def to_places(table: Table, frame: LocalFrame | None) -> Places:
     if "lat" not in table:
         return Places(position_m, up_m)
     if frame is None:
-        problem = "places in lat,lon need the local frame's: give frame in scene.yaml"
+        problem = "positions in lat,lon need a local frame: add frame to scene.yaml"
         raise table.error(problem, column="lat")
     check_geodetic(table)
     alt_m = table.get("alt_m")

@@ -61,7 +61,7 @@ def check_timeline(trajectory: Table) -> None:
 
 
 def check_geodetic(table: Table) -> None:
-    """Refuse latitudes, longitudes and heights that are none.
+    """Refuse impossible latitudes, longitudes and heights.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def check_geodetic(table: Table) -> None:
             value, lon_deg = float(table[name][index]), float(table["lon"][index])
             swapped = name == "lat" and abs(value) <= 180 and abs(lon_deg) <= 90
             hint = "; are lat and lon swapped?" if swapped else ""
-            problem = f"expected a number within +-{bound:g}, got {value:g}{hint}"
+            problem = f"expected a number between -{bound:g} and {bound:g}, got {value:g}{hint}"
             raise table.error(problem, index=index, column=name)
 
 
@@ -95,14 +95,14 @@ def check_near(
     if far.any():
         index = int(np.argmax(far))
         problem = (
-            f"expected a place near the origin at lat {frame.lat_deg:g}, lon {frame.lon_deg:g}, "
+            f"expected a position near the origin at lat {frame.lat_deg:g}, lon {frame.lon_deg:g}, "
             f"got one {distance_m[index] / 1000:,.0f} km away"
         )
         raise table.error(problem, index=index, column=column)
 
 
 def check_site(table: Table) -> None:
-    """Refuse local places that are no metres on one site; an unknown place is not wrong.
+    """Refuse local places that cannot be metres on one site; an unknown place is not wrong.
 
     Raises
     ------
@@ -117,13 +117,13 @@ def check_site(table: Table) -> None:
         wrong = np.abs(values) > bound
         if wrong.any():
             index = int(np.argmax(wrong))
-            problem = f"expected metres within +-{bound:g}, got {values[index]:g}"
+            problem = f"expected metres between -{bound:g} and {bound:g}, got {values[index]:g}"
             raise table.error(problem, index=index, column=name)
         away_m = np.abs(values - np.nanmedian(values))
         if name != "up_m" and np.nanmax(away_m) > MAX_DISTANCE_M:
             index = int(np.nanargmax(away_m))
             problem = (
-                f"expected a place near the others, got one {away_m[index] / 1000:,.0f} km away"
+                f"expected a position near the others, got one {away_m[index] / 1000:,.0f} km away"
             )
             raise table.error(problem, index=index, column=name)
 
@@ -142,7 +142,7 @@ def check_unique_readings(ranges: Table) -> None:
     if twice.any():
         index = int(order[1:][twice].min())
         anchor_id = ranges.labels["anchor_id"][anchor[index]]
-        problem = f"anchor {shown(anchor_id)} has two readings at {t_s[index]:.6f} s"
+        problem = f"expected one reading at {t_s[index]:.6f} s, got two of {shown(anchor_id)}"
         raise ranges.error(problem, index=index, column="t_s")
 
 
@@ -159,7 +159,7 @@ def check_one_drive(ranges: Table, trajectory: Table, position_m: Float64[Array,
     t_s = ranges["t_s"]
     if t_s.max() < first_s or t_s.min() > last_s:
         raise InputError(
-            f"the clocks do not meet: the ranges span {t_s.min():.3f} to {t_s.max():.3f} s, "
+            f"the times do not overlap: the ranges span {t_s.min():.3f} to {t_s.max():.3f} s, "
             f"the trajectory {first_s:.3f} to {last_s:.3f} s",
             source=ranges.path,
             column="t_s",
@@ -173,7 +173,7 @@ def check_one_drive(ranges: Table, trajectory: Table, position_m: Float64[Array,
     if median_m > _MILLIMETRES_ABOVE_M:
         extent_m = float(np.hypot(*np.ptp(position_m, axis=0)))
         problem = (
-            f"expected metres, got a median of {median_m:g} beside a path {extent_m:.0f} m wide: "
+            f"expected metres, got a median of {median_m:g} on a path {extent_m:.0f} m wide: "
             "this looks like millimetres or centimetres"
         )
         raise ranges.error(problem, column="range_m")

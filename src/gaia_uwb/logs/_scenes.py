@@ -18,7 +18,7 @@ from gaia_uwb.scene import LocalFrame, RangeLog, Truth
 
 @dataclass(frozen=True)
 class Anchors:
-    """The anchors of the anchors table, then those that only the ranges know."""
+    """The anchors of the anchors table, then those that appear only in the ranges."""
 
     table: Table | None
     ids: tuple[str, ...]
@@ -44,7 +44,7 @@ def read_anchors(path: Path | None, frame: LocalFrame | None, ranged: tuple[str,
     listed = tuple(labels[code] for code in codes)
     if len(labels) < len(listed):
         index = next(k for k, label in enumerate(listed) if label in listed[:k])
-        raise table.error(f"{shown(listed[index])} is here twice", index=index, column="anchor_id")
+        raise table.error(f"{shown(listed[index])} appears twice", index=index, column="anchor_id")
     places = to_places(table, frame)
     ids = listed + tuple(sorted(set(ranged) - set(listed), key=_natural_key))
     more = (0, len(ids) - len(listed))
@@ -78,7 +78,7 @@ def range_log(ranges: Table, order: Int64[Array, "R"], ids: tuple[str, ...]) -> 
 def make_truth(
     ranges: Table, order: Int64[Array, "R"], anchors: Anchors, clock_offset_s: float | None
 ) -> Truth | None:
-    """Return what was surveyed or simulated, if every anchor's place was."""
+    """Return what was surveyed or simulated, if the place of every anchor was."""
     if not np.isfinite(anchors.position_m).all():
         return None
     return Truth(

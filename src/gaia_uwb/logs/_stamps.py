@@ -31,18 +31,18 @@ _UNIT_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 class StampOptions(Settings):
-    """How the stamps of a log's lines are meant."""
+    """How to read the stamps of a log's lines."""
 
     unit: Literal["s", "ms", "us", "ns"] = "s"
-    """Of stamps that are plain numbers."""
+    """Unit of stamps that are plain numbers."""
     utc_offset_h: float = Field(default=0.0, ge=-24, le=24)
-    """Hours that the stamps' clock is ahead of UTC, for dates and times without a zone."""
+    """Hours by which the stamps' clock is ahead of UTC, for dates and times without a zone."""
     date: dt.date | None = None
     """First day, for times of day without a date; without it, seconds since midnight."""
 
 
 class DayClock:
-    """Times of day -> seconds that go on after midnight."""
+    """Times of day -> seconds that keep counting after midnight."""
 
     def __init__(self) -> None:
         self._last_s: float | None = None
@@ -83,7 +83,7 @@ class Stamps:
         return None if seconds is None else (seconds, match["rest"])
 
     def iso_s(self, text: str) -> float | None:
-        """Return an ISO date and time as seconds since 1970, ``None`` if it is none."""
+        """Return an ISO date and time as seconds since 1970, ``None`` if it is not one."""
         try:
             moment = dt.datetime.fromisoformat(text.strip().replace(",", "."))
         except ValueError:

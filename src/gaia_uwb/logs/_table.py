@@ -105,7 +105,7 @@ def read_table(
     with read_errors(path):
         frame = _read_parquet(path, kinds) if _is_parquet(path) else _read_csv(path, kinds)
     if not len(frame):
-        raise InputError("holds a header but no rows", source=path)
+        raise InputError("has a header but no rows", source=path)
     labels = {
         name: tuple(frame[name].unique().sort())
         for name, kind in kinds.items()
@@ -137,13 +137,13 @@ def _check_names(
         if name not in header:
             found = f"found {', '.join(map(repr, header))}" if any(header) else "found no header"
             if len(header) == 1 and re.search("[;\t]", header[0]):
-                found = "found semicolons or tabs where commas must separate the columns"
+                found = "expected commas between the columns, found semicolons or tabs"
             near = difflib.get_close_matches(name, [h for h in header if h not in known], n=1)
-            hint = f"; is {near[0]!r} meant to be it?" if near else ""
+            hint = f"; is {near[0]!r} this column?" if near else ""
             raise InputError(f"missing; {found[:200]}{hint}", source=path, column=name)
     for name in known:
         if header.count(name) > 1:
-            raise InputError("the header has this column twice", source=path, row=1, column=name)
+            raise InputError("appears twice in the header", source=path, row=1, column=name)
 
 
 def _read_csv(path: Path, kinds: Mapping[str, Kind]) -> Any:
@@ -164,7 +164,7 @@ def _read_csv(path: Path, kinds: Mapping[str, Kind]) -> Any:
     except InputError as error:
         raise find_wrong_cell(path, kinds, otherwise=error.problem) from error
     if _first_refused(frame, kinds):
-        raise find_wrong_cell(path, kinds, otherwise="a cell cannot be understood")
+        raise find_wrong_cell(path, kinds, otherwise="a cell cannot be parsed")
     return frame
 
 
@@ -177,7 +177,7 @@ def _check_length(path: Path) -> None:
         while chunk := file.read(_CHUNK_BYTES):
             n_lines = chunk.count(b"\n")
             if not n_lines and len(chunk) == _CHUNK_BYTES:
-                problem = f"no line end within {_CHUNK_BYTES:,} bytes: this is no table"
+                problem = f"no line end within {_CHUNK_BYTES:,} bytes: this is not a table"
                 raise InputError(problem, source=path, row=n_rows + 1)
             n_rows += n_lines
     _check_n_rows(path, n_rows - 1)  # without the header
@@ -209,7 +209,7 @@ def _read_parquet(path: Path, kinds: Mapping[str, Kind]) -> Any:
     _check_n_rows(path, n_rows)
     if n_rows > _FEW_ROWS + path.stat().st_size:
         raise InputError(
-            f"declares {n_rows:,} rows, more than a file of its size holds", source=path
+            f"declares {n_rows:,} rows, more than a file of its size can hold", source=path
         )
     frame = scan.select(casts).collect(engine="streaming")
     if refused := _first_refused(frame, kinds):
@@ -273,7 +273,7 @@ def read_errors(path: Path) -> Iterator[None]:
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", source=path) from error
     except pl.exceptions.PanicException as error:
-        raise InputError("cannot be read: it is damaged", source=path) from error
+        raise InputError("cannot be read: it is corrupt", source=path) from error
     except pl.exceptions.PolarsError as error:
         reason = " ".join(str(error).split())[:200]
         raise InputError(f"cannot be read: {reason}", source=path) from error

@@ -2,7 +2,7 @@
 
 A column is named, or named with a scale: ``t_s: {column: time_ms, scale: 0.001}``. Times may be ISO
 dates: ``t_s: {column: time, iso: true}``. Ranges are one per row (``anchor_id``, ``range_m``) or in
-one column per anchor (``anchors: {cone-1: d1, cone-2: d2}``), where an empty cell is no range.
+one column per anchor (``anchors: {cone-1: d1, cone-2: d2}``), where an empty cell means no range.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def read_trajectory(path: Path, columns: TrajectoryColumns, stamps: StampOptions
     columns
         Which column is what.
     stamps
-        How ISO times without a zone are meant.
+        How to read ISO times without a zone.
 
     Returns
     -------
@@ -145,7 +145,7 @@ def read_ranges(path: Path, columns: RangeColumns, stamps: StampOptions) -> LogT
         names = {"t_s": wide.names["t_s"], "range_m": wide.names[name]}
         parts.append(replace(kept, columns=values, labels=labels, names=names))
     if not parts:
-        raise InputError("holds no range in the columns of the anchors", source=path)
+        raise InputError("contains no ranges in the columns of the anchors", source=path)
     return join(parts)
 
 
@@ -167,7 +167,7 @@ def _read(
     for name, column in columns.items():
         kind = Kind.TEXT if column.iso else kinds.get(name, _kind(name))
         if wanted.setdefault(column.column, kind) is not kind:
-            raise InputError("is mapped twice, as text and number", source=path, column=name)
+            raise InputError("is mapped twice: as text and as a number", source=path, column=name)
     table = read_table(path, wanted)
     ours = {name: _values(table, name, column, stamps) for name, column in columns.items()}
     labels = {"anchor_id": table.labels[columns["anchor_id"].column]} if kinds else {}

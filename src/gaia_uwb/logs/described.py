@@ -56,7 +56,7 @@ def read_described(path: Path) -> tuple[Scene, tuple[str, ...]]:
     Scene
         The scene.
     tuple of str
-        Notes on what was put up with on the way.
+        Notes on what was tolerated on the way.
 
     Raises
     ------
@@ -194,7 +194,7 @@ class _Reader:
         except InputError as error:
             raise drive.error(error.problem, column=error.column) from error
         if arm.up_m and places.up_m is None:
-            self._notes.append("lever_arm: up_m not used, for the trajectory has no heights")
+            self._notes.append("lever_arm: up_m is ignored, as the trajectory has no heights")
         return frame, Places(*moved)
 
     def _ros(self, given: RosTrajectory | RosRanges) -> RosLog:

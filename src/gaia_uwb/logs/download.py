@@ -2,8 +2,8 @@
 
 The package carries a manifest per data set (``outdoor-uwb.json``): where the files are, by commit,
 and their SHA-256. A file has its final name only once it is complete and right, so that an
-interrupted download goes on where it stopped, and a folder never holds half a file; what a download
-that was killed left under temporary names is removed by the next one.
+interrupted download goes on where it stopped, and a folder never holds half a file; what a killed
+download left under temporary names is removed by the next one.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def fetch(
         If a file cannot be fetched or written, or is not the one that the manifest promises.
     """
     if name not in REGISTRY:
-        raise SourceError(f"unknown data set {name!r}; there are {', '.join(REGISTRY)}")
+        raise SourceError(f"unknown data set {name!r}; available: {', '.join(REGISTRY)}")
     manifest = read_manifest(name)
     files: dict[str, str] = manifest["files"]
     folder = data_folder(data_dir) / name

@@ -5,7 +5,7 @@
 ``les``: ``STAMP 022E[7.94,8.03,0.00]=3.38 0C1D[...]=... le_us=2576 est[6.95,5.37,-1.97,52]``
 
 Serial lines lose characters, and a number that lost a digit looks like a number. So a line counts
-only if all of it is as it must be; the others are counted. The anchors' places in the lines are
+only if all of it is well-formed; the others are counted. The anchors' places in the lines are
 what someone once typed into the radios, and are not used.
 """
 
@@ -15,7 +15,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from gaia_uwb._shared import InputError
+from gaia_uwb._shared import InputError, counted
 from gaia_uwb.logs._logs import LogRows, LogTable, read_lines
 from gaia_uwb.logs._stamps import StampOptions, Stamps
 
@@ -49,7 +49,7 @@ def read_dwm1001(path: Path, options: StampOptions | None = None) -> tuple[LogTa
     path
         Text file of stamped ``lec`` or ``les`` lines; other lines are ignored.
     options
-        How the stamps are meant.
+        How to read the stamps.
 
     Returns
     -------
@@ -67,24 +67,25 @@ def read_dwm1001(path: Path, options: StampOptions | None = None) -> tuple[LogTa
     count = _read(path, rows, Stamps(options))
     if not len(rows):
         if count.n_without_stamp:
-            problem = "its lines lack the host's time: log them as 'SECONDS DIST,...'"
+            problem = "its lines have no host time: log them as 'SECONDS DIST,...'"
         elif count.n_broken:
             problem = "all lines with ranges are broken"
             raise InputError(problem, source=path, row=count.first_broken)
         else:
-            problem = "holds no 'lec' line (DIST,...) and no 'les' line (ID[x,y,z]=range)"
+            problem = "contains no 'lec' lines (DIST,...) or 'les' lines (ID[x,y,z]=range)"
         raise InputError(problem, source=path)
     notes = []
     if count.n_broken:
-        where = f"the first is line {count.first_broken}"
-        notes.append(f"{path.name}: {count.n_broken} broken lines left out, {where}")
+        broken = counted(count.n_broken, "broken line")
+        notes.append(f"{path.name}: skipped {broken}, the first is line {count.first_broken}")
     if count.n_without_stamp:
-        notes.append(f"{path.name}: {count.n_without_stamp} lines without a stamp left out")
+        lines = counted(count.n_without_stamp, "line")
+        notes.append(f"{path.name}: skipped {lines} without a stamp")
     return rows.table(), notes
 
 
 def parse_line(line: str) -> list[tuple[str, float]] | None:
-    """Return a line's (anchor id, range in metres); ``None`` if it is no whole line.
+    """Return a line's (anchor id, range in metres); ``None`` if it is not a whole line.
 
     Examples
     --------

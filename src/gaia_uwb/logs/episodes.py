@@ -68,7 +68,7 @@ def write_episodes(
     episodes
         Episodes with heights and the truth of everything, as the simulator makes them.
     folder
-        Where; made if needed.
+        Where; created if missing.
     append
         Write them after the parts that the folder has.
 
@@ -91,7 +91,7 @@ def write_episodes(
     output = OutputFolder(folder)
     parts = _parts(folder)
     if parts and not append:
-        raise SourceError(f"{folder}: there are episodes already")
+        raise SourceError(f"{folder}: already contains episodes")
     done = 0
     for part, batch in enumerate(_batches(episodes), start=len(parts)):
         table = pl.DataFrame(_table(batch), nan_to_null=True)
@@ -107,7 +107,7 @@ def count_episodes(folder: Path) -> int:
     Parameters
     ----------
     folder
-        Where :func:`write_episodes` wrote, or shall write.
+        Where :func:`write_episodes` wrote, or will write.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def count_episodes(folder: Path) -> int:
     parts = _parts(folder)
     for k, part in enumerate(parts):
         if part.name != _part_name(k):
-            raise SourceError(f"{folder}: {_part_name(k)} is missing among the episodes there")
+            raise SourceError(f"{folder}: {_part_name(k)} is missing")
     return sum(map(_count_in_part, parts))
 
 
@@ -141,11 +141,11 @@ def read_episodes(folder: Path) -> Iterator[Episode]:
     SourceError
         If the folder holds no episodes.
     InputError
-        If a part cannot be read, lacks a column, or holds what is no episode.
+        If a part cannot be read, lacks a column, or holds something that is not an episode.
     """
     parts = _parts(folder)
     if not parts:
-        raise SourceError(f"{folder}: holds no episodes-*.parquet")
+        raise SourceError(f"{folder}: contains no episodes-*.parquet")
     return chain.from_iterable(map(_read_part, parts))
 
 
@@ -229,7 +229,9 @@ def _read_part(path: Path) -> Iterator[Episode]:
     table = read_table(path, _COLUMNS)
     starts = np.flatnonzero(np.diff(table["episode"], prepend=-1))
     if len(starts) > len(table.labels["episode"]):
-        raise InputError("expected the rows of an episode together", source=path, column="episode")
+        raise InputError(
+            "expected the rows of each episode to follow one another", source=path, column="episode"
+        )
     for start, stop in pairwise([*starts.tolist(), len(table)]):
         yield _to_episode(table, slice(start, stop))
 

@@ -32,15 +32,15 @@ _MAX_RANGE_FILES = 100
 
 class _File(Settings):
     file: str = Field(min_length=1)
-    """Path, seen from the description's folder."""
+    """Path, relative to the description's folder."""
 
 
 class _Ros(_File):
     format: Literal["ros"]
     topic: str | None = None
-    """``None`` takes the only topic that fits."""
+    """Name of the topic; ``None`` uses the only one that fits."""
     clock: Literal["auto", "header", "receive"] = "auto"
-    """Time of the message's header or of its recording; ``auto``: header where there is one."""
+    """Which time counts, the header's or the recording's; ``auto``: the header's if present."""
     msg_dir: str | None = None
     """Folder with ``.msg`` files of types that the log lacks."""
 
@@ -53,7 +53,7 @@ class RosRanges(_Ros):
     """Ranges in a ROS log."""
 
     fields: FieldMap | None = None
-    """Where the messages keep what; ``None`` guesses."""
+    """Which fields of the messages hold what; ``None`` guesses."""
 
 
 class NmeaTrajectory(_File):
@@ -61,7 +61,7 @@ class NmeaTrajectory(_File):
 
     format: Literal["nmea"]
     clock: Literal["gnss", "host"] = "gnss"
-    """Time of the sentence, or of the stamp before it."""
+    """Which time counts: that of the sentence, or that of the stamp before it."""
     stamps: StampOptions = StampOptions()
 
 
@@ -106,19 +106,19 @@ class InputDescription(Settings):
     """The content of ``gaia.yaml``."""
 
     name: str | None = Field(default=None, max_length=LONGEST_NAME)
-    """Of the scene; ``None`` takes the folder's."""
+    """Name of the scene; ``None`` uses the folder's name."""
     frame: FrameInput | None = None
-    """Origin of the local frame; ``None`` takes the trajectory's first place on Earth."""
+    """Origin of the local frame; ``None`` uses the trajectory's first position on Earth."""
     trajectory: TrajectoryInput
     ranges: list[RangesInput] = Field(min_length=1, max_length=_MAX_RANGE_FILES)
-    """One or more logs of the same drive, by one clock."""
+    """One or more logs of the same drive, all by one clock."""
     anchors: str | None = None
-    """Table of heights and surveyed places, like GAIA's own ``anchors.csv``."""
+    """Table of heights and surveyed positions, like GAIA's own ``anchors.csv``."""
     lever_arm: LeverArm = LeverArm()
     """From the GNSS antenna to the tag's antenna."""
 
     def names(self) -> list[str]:
-        """Return the files and folders that are named, seen from the description's folder."""
+        """Return the files and folders that are named, relative to the description's folder."""
         inputs = (self.trajectory, *self.ranges)
         folders = [given.msg_dir for given in inputs if isinstance(given, _Ros)]
         named = [given.file for given in inputs] + [self.anchors, *folders]

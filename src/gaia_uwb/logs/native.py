@@ -16,7 +16,7 @@ first sample as the local frame's origin. Heights (``up_m``) count from that ori
 surveyed place that is not known is an empty cell.
 
 What was surveyed or simulated (places and the four columns above) becomes the scene's truth, which
-only scores read. Rows of ranges may come in any order, for logs merge several radios; a trajectory
+only scores read. Rows of ranges may come in any order, as logs merge several radios; a trajectory
 that goes back in time is an error. Columns that are not named above are ignored.
 """
 
@@ -32,7 +32,14 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError
 
-from gaia_uwb._shared import InputError, SourceError, read_yaml, remove_abandoned, temporary_path
+from gaia_uwb._shared import (
+    InputError,
+    SourceError,
+    counted,
+    read_yaml,
+    remove_abandoned,
+    temporary_path,
+)
 from gaia_uwb.config import LONGEST_NAME, Settings, settings_problems
 from gaia_uwb.logs import _plausible
 from gaia_uwb.logs._cells import Kind
@@ -90,7 +97,7 @@ def read_native(folder: str | Path) -> Scene:
 
 
 def read_with_notes(folder: Path) -> tuple[Scene, tuple[str, ...]]:
-    """Read a scene like :func:`read_native`, and say what was put up with on the way.
+    """Read a scene like :func:`read_native`, and note what was tolerated on the way.
 
     Parameters
     ----------
@@ -136,8 +143,8 @@ def write_native(
 ) -> None:
     """Write a scene in GAIA's own format; :func:`read_native` gives back an equal one.
 
-    All files are written beside their place first and then renamed, the trajectory last: a folder
-    without one is no scene, so that an interruption leaves no half of one. Other files in the
+    All files are written under temporary names and then renamed, the trajectory last: a folder
+    without one is not a scene, so an interruption never leaves half of one. Other files in the
     folder stay; a scene that it holds already is replaced.
 
     Parameters
@@ -145,7 +152,7 @@ def write_native(
     scene
         What to write.
     folder
-        Where; made if needed, with the folders above it.
+        Where; created if missing, with the folders above it.
     file_format
         Of the tables.
 
@@ -194,7 +201,7 @@ def _find(folder: Path, table: str) -> Path | None:
     if len(found) > 1:
         raise InputError(f"has both {found[0].name} and {found[1].name}: keep one", source=folder)
     if found and not found[0].is_file():
-        raise InputError("is a folder, a pipe or a broken link, and no file", source=found[0])
+        raise InputError("is not a regular file", source=found[0])
     return found[0] if found else None
 
 
@@ -243,20 +250,20 @@ def _notes(scene: Scene, drive: Table, ranges: Table, anchors: Anchors) -> Itera
     """Yield what a user should know about files that were read without an error."""
     for table in (drive, ranges, anchors.table):
         if table is not None and table.unknown:
-            yield f"{table.path.name}: columns not used: {', '.join(table.unknown)}"
+            yield f"{table.path.name}: ignored columns: {', '.join(table.unknown)}"
     n_late = int((np.diff(ranges["t_s"]) < 0).sum())
     if n_late:
-        yield f"{ranges.path.name}: {n_late} rows come before their predecessors in time: sorted"
+        yield f"{ranges.path.name}: sorted by time, as {counted(n_late, 'row')} came late"
     n_listed = 0 if anchors.table is None else len(anchors.table)
     if anchors.table is not None and n_listed < scene.n_anchors:
         missing = ", ".join(anchors.ids[n_listed:])
-        yield f"{anchors.table.path.name}: lacks {missing}, so that their heights are unknown"
+        yield f"{anchors.table.path.name}: lacks {missing}: heights unknown"
     n_surveyed = int(np.isfinite(anchors.position_m).all(axis=1).sum())
     labelled = sorted(_TRUTH.keys() & set(ranges.columns))
     if 0 < n_surveyed < scene.n_anchors:
-        yield f"only {n_surveyed} of {scene.n_anchors} anchors are surveyed: there is no truth"
+        yield f"only {n_surveyed} of {scene.n_anchors} cones are surveyed: results cannot be scored"
     elif labelled and not n_surveyed:
-        yield f"{ranges.path.name}: {', '.join(labelled)} not used, for no anchor is surveyed"
+        yield f"{ranges.path.name}: {', '.join(labelled)} ignored, as no cone is surveyed"
 
 
 # Writing -----------------------------------------------------------------------------------------

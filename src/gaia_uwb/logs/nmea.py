@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from gaia_uwb._shared import InputError
+from gaia_uwb._shared import InputError, counted
 from gaia_uwb.logs._logs import LogRows, LogTable, read_lines
 from gaia_uwb.logs._stamps import DAY_S, DayClock, StampOptions, Stamps, day_s
 
@@ -54,7 +54,7 @@ def read_nmea(
     path
         Text file; sentences other than GGA, RMC and ZDA are ignored.
     options
-        How host stamps are meant; ``date`` is the first day of ``gnss`` times.
+        How to read host stamps; ``date`` is the first day of ``gnss`` times.
     clock
         Time of the sentence (``gnss``), or of the stamp before it (``host``).
 
@@ -215,29 +215,30 @@ def _need_rows(rows: LogRows, count: _Count) -> None:
         problem = "all GGA sentences are broken (form or checksum)"
         raise InputError(problem, source=rows.path, row=count.first_broken)
     if count.n_no_stamp:
-        problem = "its sentences lack the host's time before '$': use clock: gnss"
+        problem = "its sentences have no host time before '$': use clock: gnss"
     elif count.n_no_fix:
-        problem = f"none of its {count.n_no_fix} GGA sentences has a fix"
+        problem = f"no fix in any of its {count.n_no_fix} GGA sentences"
     else:
-        problem = "holds no GGA sentence ($..GGA,...)"
+        problem = "contains no GGA sentences ($..GGA,...)"
     raise InputError(problem, source=rows.path)
 
 
 def _notes(path: Path, count: _Count, *, dated: bool) -> list[str]:
     notes = []
     if count.n_broken:
-        notes.append(
-            f"{path.name}: {count.n_broken} broken sentences left out, "
-            f"the first is in line {count.first_broken}"
-        )
+        broken = counted(count.n_broken, "broken sentence")
+        notes.append(f"{path.name}: skipped {broken}, the first is in line {count.first_broken}")
     if count.n_no_fix:
-        notes.append(f"{path.name}: {count.n_no_fix} sentences without a fix left out")
+        sentences = counted(count.n_no_fix, "sentence")
+        notes.append(f"{path.name}: skipped {sentences} without a fix")
     if count.n_no_stamp:
-        notes.append(f"{path.name}: {count.n_no_stamp} sentences without a stamp left out")
+        sentences = counted(count.n_no_stamp, "sentence")
+        notes.append(f"{path.name}: skipped {sentences} without a stamp")
     if count.n_no_height:
-        notes.append(f"{path.name}: {count.n_no_height} fixes lack a height: heights not used")
+        fixes = counted(count.n_no_height, "fix", "fixes")
+        notes.append(f"{path.name}: heights ignored, as {fixes} had none")
     elif count.n_no_geoid:
-        notes.append(f"{path.name}: geoid separation missing: heights count from the geoid there")
+        notes.append(f"{path.name}: no geoid separation, so heights are above the geoid")
     if not dated:
-        notes.append(f"{path.name}: no date (RMC, ZDA or date:): times count from midnight UTC")
+        notes.append(f"{path.name}: no date (RMC, ZDA or date:), so times count from midnight UTC")
     return notes

@@ -2,7 +2,7 @@
 
 Both stood for some 12 seconds at each of 13 anchor heights and 30 distances (29 without line of
 sight), 767 files with the receiver's diagnostics. A few files are empty or nearly so: the radio
-reached no further. All end with a summary, and some have a garbled row.
+did not reach that far. All end with a summary, and some have a garbled row.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class StaticFile:
         Name -> (R,) values, NaN where the file has none: ``t_s`` (since 1970), ``range_m``,
         ``rssi_dbm``, ``rssi_fp_dbm`` and the receiver's diagnostics in its own units. R may be 0.
     n_damaged
-        Number of rows with a cell that is no number; without a time or a range they are left out.
+        Number of rows with a cell that is not a number; without a time or a range they are skipped.
     """
 
     path: Path

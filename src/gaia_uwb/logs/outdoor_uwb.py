@@ -12,8 +12,8 @@ eight runs. The scene is turned back by that rotation: its axes really point eas
 its :class:`~gaia_uwb.scene.LocalFrame` is the place on Earth of the survey's origin. Distances and
 shapes are the data set's own.
 
-**Heights** count from the ground at the anchors. The antenna of the GNSS is taken to be as high as
-the tag's, which the data set does not say, so that ``alt_m`` of the frame may be off by a metre.
+**Heights** count from the ground at the anchors. The GNSS antenna is assumed to be as high as the
+tag's, which the data set does not say, so ``alt_m`` of the frame may be off by a metre.
 
 **Times** are seconds since the trajectory's first sample. Ranges outside the trajectory's time are
 kept: alignment drops them.
@@ -44,7 +44,7 @@ TAG_HEIGHT_M = 1.0
 ``localization_error_analysis.py`` adds it before it compares heights."""
 
 GNSS_LEVER_ARM_M = 0.185
-"""The tag is so far ahead of the GNSS antenna, along the heading (fitted, the same in all runs)."""
+"""How far the tag is ahead of the GNSS antenna (fitted, the same in all runs)."""
 
 _MAX_FRAME_MISFIT_M = 0.01
 _LATEST_NS = 2**62  # the year 2116
@@ -99,7 +99,7 @@ def select_runs(part: str) -> tuple[str, ...]:
     words = part.split("/") if part else []
     runs = tuple(run for run in RUNS if run.split("/")[: len(words)] == words)
     if not runs:
-        raise SourceError(f"outdoor-uwb has no part {part!r}; it has {', '.join(RUNS)}")
+        raise SourceError(f"outdoor-uwb has no part {part!r}; available: {', '.join(RUNS)}")
     return runs
 
 
@@ -223,7 +223,7 @@ def _find_frame(
     rotation = np.array([[cos, -sin], [sin, cos]])
     misfit_m = np.hypot(*(a @ rotation.T - f).T).max()
     if misfit_m > _MAX_FRAME_MISFIT_M:
-        problem = f"fits gnss.csv only to {misfit_m:.3f} m, expected {_MAX_FRAME_MISFIT_M} m"
+        problem = f"fits gnss.csv only to within {misfit_m:.3f} m, expected {_MAX_FRAME_MISFIT_M} m"
         raise drive.error(problem)
     shift_m = fix_m.mean(axis=0) - rotation @ antenna_m.mean(axis=0)
     lat_deg, lon_deg, alt_m = to_geodetic(start, shift_m[None], np.array([-TAG_HEIGHT_M]))

@@ -45,7 +45,7 @@ class Dataset:
 REGISTRY = {
     "outdoor-uwb": Dataset(
         description="8 walks of 3 to 5 minutes around 4 anchors, with and without line of sight",
-        parts="LOS or NLOS, /A or /B, /1 to /4: NLOS/B/4 is one walk, NLOS four, nothing all",
+        parts="LOS or NLOS, /A or /B, /1 to /4: NLOS/B/4 is one walk, NLOS four, no part all",
         licence="Apache-2.0",
         citation="Comprehensive outdoor UWB dataset, Scientific Data (2025), "
         "https://doi.org/10.1038/s41597-025-05887-9",

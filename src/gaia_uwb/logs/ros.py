@@ -1,7 +1,7 @@
 """ROS logs without ROS: bags, MCAP, and ROS 2's folders and databases.
 
 A topic that is not named is found by its type (trajectory) or its fields (ranges). More than one
-candidate is an error that lists them; nothing is chosen quietly.
+candidate is an error that lists them; nothing is chosen silently.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from gaia_uwb._shared import InputError
+from gaia_uwb._shared import InputError, counted
 from gaia_uwb.logs._logs import LogRows, LogTable, join
 from gaia_uwb.logs.bags import (
     BY_TOPIC,
@@ -35,7 +35,7 @@ from gaia_uwb.logs.bags import (
 )
 
 Clock = Literal["auto", "header", "receive"]
-"""Time of the message's own header, or of its recording; ``auto``: header where there is one."""
+"""Which time counts, the header's or the recording's; ``auto``: the header's if present."""
 
 _EARTH = ("sensor_msgs/msg/NavSatFix",)
 _PLACES = {
@@ -106,7 +106,7 @@ class RosLog:
         Parameters
         ----------
         topic
-            Which; ``None`` takes the only one of a fitting type.
+            Which; ``None`` uses the only one of a fitting type.
         clock
             Which time counts.
 
@@ -154,9 +154,9 @@ class RosLog:
         Parameters
         ----------
         topic
-            Which; ``None`` takes the only one with an id and a range among its fields.
+            Which; ``None`` uses the only one with an id and a range among its fields.
         fields
-            Where the messages keep what; ``None`` guesses.
+            Which fields of the messages hold what; ``None`` guesses.
         clock
             Which time counts.
 
@@ -184,7 +184,7 @@ class RosLog:
         found = guess_ranges(types, channel.msgtype) if fields is None else fields
         if found is None:
             there = ", ".join(field_name for field_name, _ in types[channel.msgtype][1])
-            raise self._error(name, f"no range and id found, give fields; there are {there[:200]}")
+            raise self._error(name, f"no range and id found: set fields; available: {there[:200]}")
         try:
             getters = resolve_ranges(types, channel.msgtype, found)
         except FieldError as error:
@@ -204,9 +204,10 @@ class RosLog:
 
         self._read(topics, clock, found.stamp, add)
         if not len(rows):
-            raise self._error(name, "holds no ranges")
+            raise self._error(name, "contains no ranges")
         if skipped.n_no_range:
-            self.notes.append(f"{name}: {skipped.n_no_range} readings without a range left out")
+            readings = counted(skipped.n_no_range, "reading")
+            self.notes.append(f"{name}: skipped {readings} without a range")
         return rows.table()
 
     def _read(self, topics: list[_Topic], clock: Clock, stamp: str | None, add: _Add) -> None:
@@ -236,7 +237,9 @@ class RosLog:
             self._note_cut_off(mine[0].bag)
 
     def _note_cut_off(self, bag: Bag) -> None:
-        note = f"{bag.path.name}: ends within a record at byte {bag.cut_off_at}: read up to there"
+        note = (
+            f"{bag.path.name}: cut off within a record at byte {bag.cut_off_at}, read up to there"
+        )
         if bag.cut_off_at is not None and note not in self.notes:
             self.notes.append(note)
 
@@ -250,12 +253,12 @@ class RosLog:
             kind, content = find_field(types, channel.msgtype, wanted)
         except FieldError as error:
             if path is None and clock == "auto":
-                note = f"{channel.topic}: no header, so the time of recording counts"
+                note = f"{channel.topic}: no header, so the time of recording is used"
                 self.notes += [] if note in self.notes else [note]
                 return None
-            raise self._error(channel.topic, f"{error}; clock: receive needs none") from error
+            raise self._error(channel.topic, f"{error}; clock: receive does without it") from error
         if kind in (3, 4) or (kind == 2 and content != "builtin_interfaces/msg/Time"):
-            raise self._error(channel.topic, f"{wanted} is no time")
+            raise self._error(channel.topic, f"{wanted} is not a time")
         get = getter(wanted)
         if kind == 2:
             return lambda message: _seconds(get(message))
@@ -269,9 +272,9 @@ class RosLog:
             return names[0]
         listed = ", ".join(_describe(t) for t in (filled or self._topics)[:20])
         if names:
-            problem = f"{len(names)} topics may be the {what}: {listed}; name one as topic"
+            problem = f"{len(names)} topics could be the {what}: {listed}; choose one with topic"
         else:
-            problem = f"no topic looks like the {what}; there are: {listed or 'none'}"
+            problem = f"no topic looks like the {what}; available: {listed or 'none'}"
         raise InputError(f"{problem} in gaia.yaml (docs/inputs.md)", source=self.path)
 
     def _choose_ranges(self, fields: FieldMap | None) -> list[str]:
@@ -302,20 +305,22 @@ class RosLog:
         topics = [t for t in self._topics if t.channel.topic == name]
         if not topics:
             there = ", ".join(_describe(t) for t in self._topics[:20]) or "none"
-            raise InputError(f"has no topic {name[:100]}; there are: {there}", source=self.path)
+            raise InputError(f"has no topic {name[:100]}; available: {there}", source=self.path)
         if len({t.channel.msgtype for t in topics}) > 1:
             raise self._error(name, "has messages of several types")
         return topics
 
     def _drive(self, rows: LogRows, skipped: _Skipped, name: str) -> LogTable:
         if not len(rows):
-            what = "a fix" if skipped.n_no_fix else "any message"
-            raise self._error(name, f"holds no place: none of its messages has {what}")
+            why = "no message has a fix" if skipped.n_no_fix else "there are no messages"
+            raise self._error(name, f"contains no positions: {why}")
         if skipped.n_no_fix:
-            self.notes.append(f"{name}: {skipped.n_no_fix} messages without a fix left out")
+            messages = counted(skipped.n_no_fix, "message")
+            self.notes.append(f"{name}: skipped {messages} without a fix")
         table = rows.table()
         if skipped.n_no_height:
-            self.notes.append(f"{name}: {skipped.n_no_height} places lack a height: none is used")
+            positions = counted(skipped.n_no_height, "position")
+            self.notes.append(f"{name}: heights ignored, as {positions} had none")
             kept = {k: v for k, v in table.columns.items() if k not in {"alt_m", "up_m"}}
             table = replace(table, columns=kept)
         return table

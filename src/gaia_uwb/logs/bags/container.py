@@ -16,7 +16,7 @@ from typing import Any, BinaryIO, NamedTuple
 from gaia_uwb._shared import InputError
 
 MAX_FILE_BYTES = 2**40
-"""Bags stream through, so that their size is no matter of memory."""
+"""Bags stream through, so that their size does not affect memory."""
 
 MAX_CHUNK_BYTES = 128 * 2**20
 """Chunks that unpack to more are refused; recorders write 1 to 4 MiB."""
@@ -119,7 +119,7 @@ class Bag:
         self.unpacked += n_bytes
         over = self.unpacked - _FREE_BYTES
         if over > 0 and over > MAX_RATIO * self.path.stat().st_size:
-            raise ValueError(f"unpacks to more than {MAX_RATIO} times the file's size")
+            raise ValueError(f"decompresses to more than {MAX_RATIO} times the file's size")
 
     def add(self, channel: Channel) -> None:
         """Remember a channel; its names come into messages, so they are made printable."""
@@ -130,7 +130,7 @@ class Bag:
 
     def damaged(self, problem: str, at: int) -> InputError:
         """Return the error for damage at a byte."""
-        return InputError(f"damaged at byte {at:,}: {problem}", source=self.path)
+        return InputError(f"corrupt at byte {at:,}: {problem}", source=self.path)
 
 
 def _printable(text: str) -> str:
@@ -162,9 +162,9 @@ def unpack(compression: str, data: bytes, size: int) -> bytes:
         except ValueError:
             raise
         except Exception as error:  # each library has errors of its own
-            raise ValueError(f"a {compression} chunk cannot be unpacked: {error}") from error
+            raise ValueError(f"a {compression} chunk cannot be decompressed: {error}") from error
     if len(unpacked) != size:
-        raise ValueError(f"a chunk should unpack to {size:,} bytes and does not")
+        raise ValueError(f"a chunk does not decompress to the {size:,} bytes it declares")
     return bytes(unpacked)
 
 
@@ -192,7 +192,7 @@ def _decompressor(compression: str) -> Any:
         from backports import zstd
 
         return zstd.ZstdDecompressor()
-    raise ValueError(f"chunks are packed with {compression[:20]!r}, which is not supported")
+    raise ValueError(f"chunks use the compression {compression[:20]!r}, which is not supported")
 
 
 class CutOffError(Exception):

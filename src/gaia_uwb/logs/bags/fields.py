@@ -1,12 +1,12 @@
 """Fields of messages: where a type keeps its ranges and ids, looked up or guessed.
 
-There is no standard message for UWB. A :class:`FieldMap` says where a vendor's message keeps what;
-without one, names that such fields usually have are looked for.
+There is no standard message for UWB. A :class:`FieldMap` says which fields of a vendor's message
+hold what; without one, usual names of such fields are tried.
 
 ===============================  ==========================================================
 one range per message            ``anchor: responder_id``, ``range: distance``
 an array of messages             ``each: nodes``, ``anchor: id``, ``range: dis``
-arrays beside each other         ``anchor: anchor_ids``, ``range: ranges``
+parallel arrays                  ``anchor: anchor_ids``, ``range: ranges``
 one topic per anchor             ``anchor: (topic)``, ``range: range``
 ===============================  ==========================================================
 """
@@ -64,7 +64,7 @@ class FieldMap(Settings):
     rssi_fp: str | None = None
     """Received power of the first path, in dBm."""
     stamp: str | None = None
-    """The message's time, where that is not ``header.stamp``: a ROS time, or seconds."""
+    """The message's time, if that is not ``header.stamp``: a ROS time, or seconds."""
 
 
 class Reading(NamedTuple):
@@ -89,7 +89,7 @@ class RangeFields:
     fields
         What the map says.
     parallel
-        Whether ids and ranges are arrays beside each other.
+        Whether ids and ranges are parallel arrays.
     elements, anchor, range_, rssi, rssi_fp
         Getters.
     """
@@ -123,7 +123,7 @@ class RangeFields:
         columns = [ids, ranges, *(power for power in powers if power is not None)]
         if len({len(column) for column in columns}) > 1:
             sizes = ", ".join(str(len(column)) for column in columns)
-            raise ValueError(f"arrays beside each other have {sizes} elements")
+            raise ValueError(f"parallel arrays differ in length: {sizes}")
         for k, value in enumerate(ranges):
             rssi, rssi_fp = (None if power is None else power[k] for power in powers)
             yield self._reading(ids[k], value, rssi, rssi_fp)
@@ -158,13 +158,13 @@ def resolve_ranges(types: Fields, msgtype: str, fields: FieldMap) -> RangeFields
     if fields.each is not None:
         kind, content = find_field(types, msgtype, fields.each)
         if kind not in (_ARRAY, _SEQUENCE) or content[0][0] != _NAME:
-            raise FieldError(f"{fields.each} is no array of messages")
+            raise FieldError(f"{fields.each} is not an array of messages")
         inner, elements = content[0][1], getter(fields.each)
     range_kind, content = find_field(types, inner, fields.range)
     parallel = range_kind in (_ARRAY, _SEQUENCE)
     base = content[0] if parallel else (range_kind, content)
     if base[0] == _NAME or base[1][0] in {"string", "wstring"}:
-        raise FieldError(f"{fields.range} is no number")
+        raise FieldError(f"{fields.range} is not a number")
     by_topic = fields.anchor == BY_TOPIC
     if not by_topic:
         _check_id(types, inner, fields.anchor, parallel)
@@ -188,7 +188,7 @@ def _check_id(types: Fields, msgtype: str, path: str, parallel: bool) -> None:
     kind, content = find_field(types, msgtype, path)
     octets = kind in (_ARRAY, _SEQUENCE) and content[0][1][0] in {"uint8", "byte", "char", "octet"}
     if kind == _NAME or (parallel and kind not in (_ARRAY, _SEQUENCE)):
-        raise FieldError(f"{path} is no {'array of ids' if parallel else 'id'}")
+        raise FieldError(f"{path} is not {'an array of ids' if parallel else 'an id'}")
     if not parallel and kind in (_ARRAY, _SEQUENCE) and not octets:
         raise FieldError(f"{path} is an array, but the range is a single number")
 
@@ -207,7 +207,7 @@ def find_field(types: Fields, msgtype: str, path: str) -> Any:
         known = dict(types[content][1]) if kind == _NAME else {}
         if word not in known:
             there = ", ".join(known)[:200] if known else "no fields"
-            raise FieldError(f"no field {path[:80]!r}: there are {there}")
+            raise FieldError(f"no field {path[:80]!r}; available: {there}")
         description = known[word]
     return description
 

@@ -48,15 +48,16 @@ def _storage_files(folder: Path) -> tuple[list[Path], bool]:
     except (OSError, YamlError) as error:
         raise InputError(f"cannot be read: {error}", source=path) from error
     except (KeyError, TypeError, AttributeError) as error:
-        raise InputError("is no description of a ROS 2 recording", source=path) from error
+        raise InputError("is not a description of a ROS 2 recording", source=path) from error
     if mode == "file":
-        raise InputError("its files are packed: unpack them with 'ros2 bag convert'", source=path)
+        problem = "its files are compressed: decompress them with 'ros2 bag convert'"
+        raise InputError(problem, source=path)
     if not 0 < len(names) <= _MAX_FILES:
-        raise InputError(f"names {len(names)} files", source=path)
+        raise InputError(f"expected 1 to {_MAX_FILES:,} files, got {len(names):,}", source=path)
     paths = [folder / Path(name).name for name in names]
     twice = next((each for k, each in enumerate(paths) if each in paths[:k]), None)
     if twice is not None:
-        raise InputError(f"names {shown(twice.name)} more than once", source=path)
+        raise InputError(f"lists {shown(twice.name)} more than once", source=path)
     return paths, mode == "message"
 
 
@@ -74,7 +75,7 @@ def scan(bag: Bag) -> None:
         raise InputError(f"cannot be read: {error.strerror or error}", source=bag.path) from error
     if not bag.channels:
         at = "" if bag.cut_off_at is None else f" and is cut off at byte {bag.cut_off_at:,}"
-        raise InputError(f"holds no topics{at}", source=bag.path)
+        raise InputError(f"contains no topics{at}", source=bag.path)
 
 
 def walk(bag: Bag, wanted: set[int]) -> Iterator[Message]:

@@ -46,7 +46,7 @@ class McapBag(Bag):
         size, self.unpacked = self.path.stat().st_size, 0
         with self.path.open("rb") as file:
             if file.read(len(_MCAP_MAGIC)) != _MCAP_MAGIC:
-                raise InputError("is no MCAP file", source=self.path)
+                raise InputError("is not an MCAP file", source=self.path)
             while (at := file.tell()) < size:
                 try:
                     kind = file.read(1)
@@ -68,7 +68,7 @@ class McapBag(Bag):
             raise CutOffError
         if kind == b"\x06" and inside:
             if n > MAX_CHUNK_BYTES + 1024:
-                raise ValueError(f"a chunk of {n:,} bytes")
+                raise ValueError(f"chunk too large: {n:,} bytes")
             yield from self._chunk(file.read(n), wanted)
         elif n <= MAX_MESSAGE_BYTES and (kind in _SMALL or (kind == b"\x05" and inside)):
             yield from self._small(kind, file.read(n), wanted)
@@ -76,11 +76,11 @@ class McapBag(Bag):
     def _chunk(self, data: bytes, wanted: set[int]) -> Iterator[Message]:
         _, _, unpacked_size, crc = struct.unpack_from("<QQQI", data)
         if unpacked_size > MAX_CHUNK_BYTES:
-            raise ValueError(f"a chunk of {unpacked_size:,} bytes")
+            raise ValueError(f"chunk too large: {unpacked_size:,} bytes")
         compression, place = _string(data, 28)
         (n,) = _U64.unpack_from(data, place)
         if n != len(data) - place - 8:
-            raise ValueError("a chunk's size is not that of its record")
+            raise ValueError("a chunk's size does not match its record")
         self.spend(unpacked_size)
         chunk = unpack(compression, data[place + 8 :], unpacked_size)
         if crc and zlib.crc32(chunk) != crc:
@@ -95,7 +95,7 @@ class McapBag(Bag):
             kind, n = unpack_start(chunk, place)
             start, place = place + 9, place + 9 + n
             if place > end:
-                raise ValueError("a message reaches beyond its chunk")
+                raise ValueError("message extends past the end of its chunk")
             if kind != _MESSAGE_KIND:
                 yield from self._small(bytes([kind]), chunk[start:place], wanted)
             elif n >= 22:
@@ -104,7 +104,7 @@ class McapBag(Bag):
                     yield Message(self.channels[key], time_ns, chunk[start + 22 : place])
 
     def _small(self, kind: bytes, data: bytes, wanted: set[int]) -> Iterator[Message]:
-        """Handle a record that is no chunk."""
+        """Handle a record that is not a chunk."""
         if kind == b"\x05":
             key, _, log_ns = _MESSAGE.unpack_from(data)
             if key in wanted and len(data) <= MAX_MESSAGE_BYTES:
@@ -136,5 +136,5 @@ def _string(data: bytes, place: int) -> tuple[str, int]:
     (size,) = _U32.unpack_from(data, place)
     end = place + 4 + size
     if end > len(data):
-        raise ValueError("a text reaches beyond its record")
+        raise ValueError("text extends past the end of its record")
     return data[place + 4 : end].decode("utf-8", "replace"), end

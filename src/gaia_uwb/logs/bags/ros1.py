@@ -31,7 +31,7 @@ class Ros1Bag(Bag):
         size, self.unpacked = self.path.stat().st_size, 0
         with self.path.open("rb") as file:
             if file.read(len(_ROS1_MAGIC)) != _ROS1_MAGIC:
-                raise InputError("is no ROS 1 bag of version 2.0", source=self.path)
+                raise InputError("is not a ROS 1 bag (version 2.0)", source=self.path)
             while (at := file.tell()) < size:
                 try:
                     yield from self._record(file, at, size, wanted, inside)
@@ -46,7 +46,7 @@ class Ros1Bag(Bag):
     ) -> Iterator[Message]:
         (n_header,) = _U32.unpack(take(file, 4, size - at))
         if n_header > _MAX_HEADER_BYTES:
-            raise ValueError("a header that is too long")
+            raise ValueError("header too long")
         header = _ros1_header(take(file, n_header, size - file.tell()))
         (n_data,) = _U32.unpack(take(file, 4, size - file.tell()))
         start, kind = file.tell(), header[b"op"]
@@ -55,7 +55,7 @@ class Ros1Bag(Bag):
         if kind == b"\x05" and inside:
             (unpacked_size,) = _U32.unpack(header[b"size"])
             if max(unpacked_size, n_data) > MAX_CHUNK_BYTES:
-                raise ValueError(f"a chunk of {max(unpacked_size, n_data):,} bytes")
+                raise ValueError(f"chunk too large: {max(unpacked_size, n_data):,} bytes")
             compression = header[b"compression"].decode("ascii", "replace")
             self.spend(unpacked_size)
             chunk = unpack(compression, take(file, n_data, size - start), unpacked_size)
@@ -81,7 +81,7 @@ class Ros1Bag(Bag):
             (n_data,) = unpack_u32(chunk, place)
             data_at, place = place + 4, place + 4 + n_data
             if place > end:
-                raise ValueError("a message reaches beyond its chunk")
+                raise ValueError("message extends past the end of its chunk")
             found = usual.read(header)
             if found is not None:
                 key, time_ns = found
@@ -152,8 +152,8 @@ def _ros1_header(data: bytes) -> dict[bytes, bytes]:
         name, sign, value = data[place + 4 : place + 4 + size].partition(b"=")
         place += 4 + size
         if place > len(data) or not sign:
-            raise ValueError("a header field without an end or a name")
+            raise ValueError("header field without an end or a name")
         fields[name] = value
     if b"op" not in fields and b"type" not in fields:
-        raise ValueError("a header without a record's kind")
+        raise ValueError("header without a record type")
     return fields

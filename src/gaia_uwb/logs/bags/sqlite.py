@@ -14,7 +14,7 @@ _MAX_TABLES = 1000
 
 
 class SqliteBag(Bag):
-    """One ``.db3`` file; its own definitions are there since ROS 2 Iron."""
+    """One ``.db3`` file; it has its own definitions since ROS 2 Iron."""
 
     def walk(self, wanted: set[int], *, inside: bool = True) -> Iterator[Message]:
         """Yield the wanted messages, see :meth:`Bag.walk`; ``inside`` has no meaning here."""
@@ -27,7 +27,9 @@ class SqliteBag(Bag):
                     yield from self._messages(connection, wanted)
         except (sqlite3.Error, ValueError, OverflowError) as error:
             reason = " ".join(str(error).split())[:200]
-            raise InputError(f"damaged or no ROS 2 database: {reason}", source=self.path) from error
+            raise InputError(
+                f"corrupt or not a ROS 2 database: {reason}", source=self.path
+            ) from error
 
     def _connect(self) -> sqlite3.Connection:
         address = f"file:{quote(str(self.path.resolve()))}?mode=ro&immutable=1"
@@ -42,7 +44,8 @@ class SqliteBag(Bag):
         # A view could compute for ever; only tables are read.
         for table in ("topics", "messages"):
             if kinds.get(table) != "table":
-                raise InputError(f"is no ROS 2 database: it has no table {table}", source=self.path)
+                problem = f"is not a ROS 2 database: it has no table {table}"
+                raise InputError(problem, source=self.path)
         definitions = {}
         if kinds.get("message_definitions") == "table":
             query = (
@@ -54,7 +57,7 @@ class SqliteBag(Bag):
         for row in connection.execute("SELECT id, name, type, serialization_format FROM topics"):
             key, topic, msgtype, encoding = row
             if not (isinstance(key, int) and all(isinstance(text, str) for text in row[1:])):
-                raise InputError("damaged: a topic without a name or a type", source=self.path)
+                raise InputError("corrupt: a topic without a name or a type", source=self.path)
             self.add(Channel(key, topic, msgtype, definitions.get(msgtype), encoding))
         query = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
         self.counts = dict(connection.execute(query).fetchall())
@@ -64,7 +67,7 @@ class SqliteBag(Bag):
         query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks})"  # noqa: S608  # only marks
         for row, (key, time_ns, data) in enumerate(connection.execute(query, sorted(wanted)), 1):
             if not (isinstance(time_ns, int) and isinstance(data, bytes)):
-                problem = "damaged: expected a time and bytes in the table messages"
+                problem = "corrupt: expected a time and bytes in the table messages"
                 raise InputError(problem, source=self.path, row=row)
             if len(data) <= MAX_MESSAGE_BYTES:
                 yield Message(self.channels[key], time_ns, data)

@@ -1,4 +1,4 @@
-"""Message types of a bag: from its own definitions, from ``.msg`` files, or ROS's stock.
+"""Message types of a bag: from its own definitions, from ``.msg`` files, or ROS's standard types.
 
 The library rosbags compiles a type's definition into code that reads its messages. A definition
 that comes with a log is a stranger's, so what it may ask for is limited before that.
@@ -90,7 +90,9 @@ class Types:
 
         types, msgtype = self.fields(channel), channel.msgtype
         if channel.encoding not in {"ros1", "cdr"}:
-            raise self._error(channel, f"has messages in the encoding {channel.encoding[:20]!r}")
+            raise self._error(
+                channel, f"has messages in the unsupported encoding {channel.encoding[:20]!r}"
+            )
         with self._of(channel):
             store = get_typestore(Stores.EMPTY)
             store.register(dict(types))
@@ -110,12 +112,12 @@ class Types:
             raise self._error(channel, f"has a definition that cannot be used: {reason}") from error
 
     def _find(self, channel: Channel) -> Fields:
-        """Return a type's description from the bag, the given folder, or ROS's stock."""
+        """Return a type's description from the bag, the given folder, or ROS's standard types."""
         from rosbags.typesys import Stores, get_typestore
 
         name = channel.msgtype
         if not _TYPE_NAME.fullmatch(name):
-            raise self._error(channel, "has a type without a proper name")
+            raise self._error(channel, "is not a valid type name")
         stock = get_typestore(Stores.LATEST).fielddefs
         if channel.definition:
             types = _parse(channel.definition, name)
@@ -139,7 +141,7 @@ def _parse(definition: str, name: str) -> dict[str, Any]:
     from rosbags.typesys import get_types_from_msg
 
     if len(definition) > _MAX_DEFINITION:
-        raise ValueError(f"it has {len(definition):,} characters")
+        raise ValueError(f"it is too long: {len(definition):,} characters")
     return dict(get_types_from_msg(definition, name))
 
 
@@ -150,7 +152,7 @@ def _read_msg_dir(folder: Path) -> dict[str, Any]:
     types: dict[str, Any] = {}
     for count, path in enumerate(sorted(folder.rglob("*.msg"))):
         if count == _MAX_FILES:
-            raise InputError(f"holds more than {_MAX_FILES:,} .msg files", source=folder)
+            raise InputError(f"contains more than {_MAX_FILES:,} .msg files", source=folder)
         package = path.parent.parent if path.parent.name == "msg" else path.parent
         name = f"{package.resolve().name}/msg/{path.stem}"
         try:
@@ -160,9 +162,9 @@ def _read_msg_dir(folder: Path) -> dict[str, Any]:
             raise
         except Exception as error:  # a definition may upset rosbags in any way
             reason = " ".join(str(error).split())[:120]
-            raise InputError(f"is no definition of a message: {reason}", source=path) from error
+            raise InputError(f"is not a message definition: {reason}", source=path) from error
     if not types:
-        raise InputError("holds no .msg file", source=folder)
+        raise InputError("contains no .msg files", source=folder)
     return types
 
 
@@ -175,7 +177,7 @@ def _used(types: Mapping[str, Any], name: str) -> dict[str, Any]:
         if current in used:
             continue
         if current not in types:
-            raise ValueError(f"{current} is used and not defined")
+            raise ValueError(f"{current} is used but not defined")
         used[current] = types[current]
         for _, description in types[current][1]:
             kind, content = description
@@ -191,15 +193,15 @@ def _check(types: Mapping[str, Any], name: str) -> None:
         raise ValueError("it has too many types or fields")
     for type_name, (_, fields) in types.items():
         if not _TYPE_NAME.fullmatch(type_name):
-            raise ValueError("it has a type without a proper name")
+            raise ValueError("it has an invalid type name")
         for field, (kind, content) in fields:
             if kind not in (3, 4):
                 continue
             inner, length = content
             if kind == 3 and length > _MAX_ARRAY and (inner[0] == 2 or inner[1][0] == "string"):
-                raise ValueError(f"{field} has {length:,} elements")
+                raise ValueError(f"{field} has too many elements: {length:,}")
             if inner[0] == 2 and not _size(types, inner[1], ()):
-                raise ValueError(f"{field} is an array of nothing")
+                raise ValueError(f"{field} is an array of empty elements")
     _size(types, name, ())
 
 
