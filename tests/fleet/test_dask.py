@@ -253,18 +253,18 @@ def test_workers_see_logs_and_results(logs: Path, cluster: Cluster, tmp_path: Pa
     assert f"cannot see a log: {unseen}/zone-0/pass must be on a file system that all" in said
     with seen_by_this_process_only(tmp_path) as unseen:
         said = problem_of(logs, unseen, cluster.address)
-        assert f"cannot see the folder of results: {unseen} must be on" in said
+        assert f"cannot see the output folder: {unseen} must be on" in said
     assert list(tmp_path.iterdir()) == []
 
 
 def test_nobody_answers(logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fleet_dask, "_ANSWER_S", 0.5)
     said = problem_of(logs, tmp_path, "tcp://127.0.0.1:1")
-    assert said == "tcp://127.0.0.1:1: no Dask scheduler answers there within 0.5 s"
+    assert said == "tcp://127.0.0.1:1: no Dask scheduler answered within 0.5 s"
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
-        assert "no Dask scheduler answers" in problem_of(logs, tmp_path, address)
-    assert "no Dask scheduler: " in problem_of(logs, tmp_path, "nonsense")
+        assert "no Dask scheduler answered" in problem_of(logs, tmp_path, address)
+    assert "not a Dask scheduler: " in problem_of(logs, tmp_path, "nonsense")
 
 
 def test_the_extra_is_named(logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -190,7 +190,7 @@ def test_doubts_reach_the_reader() -> None:
     assert {name: d["device_status"] for name, d in details.items()} == {
         "west": "warning", "east": "ok"
     }  # fmt: skip
-    assert "probability of the mirror place 0.30" in details["west"]["status_messages"]
+    assert "probability of the mirror position 0.30" in details["west"]["status_messages"]
     whole = feeds_of(zone_pass(ROAD_M, CONES, reasons=(make_reason("the clocks: unknown"),)))
     for device in devices(whole).values():
         assert device["properties"]["core_details"]["device_status"] == "warning"
@@ -225,7 +225,7 @@ def test_deprecated_members_and_extension_come_when_asked_for() -> None:
 
 
 def test_what_cannot_be_a_feed_is_refused() -> None:
-    with pytest.raises(InputError, match="its place on Earth is unknown"):
+    with pytest.raises(InputError, match="its position on Earth is unknown"):
         zone_of(make_reconstruction(frame=None))
     with pytest.raises(InputError, match="at least two located cones, got 1"):
         zone_of(zone_pass(ROAD_M, (CONES[0], make_unlocated("lost"))))
@@ -233,7 +233,7 @@ def test_what_cannot_be_a_feed_is_refused() -> None:
         zone_of(zone_pass(np.zeros((3, 2)), CONES))
     with pytest.raises(InputError, match="180th meridian"):
         feeds_of(zone_pass(ROAD_M, CONES, frame=LocalFrame(-17.0, 179.9999999)))
-    with pytest.raises(ConfigError, match="device_ids: a drive has no anchor 'nobody'"):
+    with pytest.raises(ConfigError, match="device_ids: a drive has no cone 'nobody'"):
         feeds_of(zone_pass(ROAD_M, CONES), feed_config(device_ids={"nobody": "D"}))
     with pytest.raises(InputError, match="would be invalid"):  # a device with the id of another
         other = devices(feeds_of(zone_pass(ROAD_M, CONES)))["mid"]["id"]

@@ -38,7 +38,7 @@ def test_yaml_dates_and_texts_are_the_same(tmp_path: Path) -> None:
         ({"start_date": datetime(1, 1, 1, tzinfo=timezone(timedelta(hours=5)))},
          "start_date: expected a date like"),
         ({"end_date": "2026-11-22T09:00:00Z"}, "end_date: expected a date after start_date"),
-        ({"device_ids": {"a": "1", "b": "1"}}, "device_ids: expected different ids"),
+        ({"device_ids": {"a": "1", "b": "1"}}, "device_ids: ids must be unique"),
         ({"contact_email": "nobody"}, "contact_email"),
         ({"verified_below_m": float("nan")}, "verified_below_m"),
         ({"license": "MIT"}, "license"),

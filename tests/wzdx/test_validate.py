@@ -121,12 +121,12 @@ E0 = "features/0/properties/"
 DAMAGES: list[tuple[str, str, object, str]] = [
     ("event", "features/0/geometry/coordinates/0", [40.0, -50.0], "outside the feed's bbox"),
     ("event", "features/0/geometry/coordinates/0", [42.0, -103.5], "longitude comes first"),
-    ("device", "features/0/geometry/coordinates", [-193.5, 42.0], "longitude within"),
+    ("device", "features/0/geometry/coordinates", [-193.5, 42.0], "longitude between"),
     ("device", "features/0/geometry/coordinates", [-93.5, 42.0, 1, 2], "expected [longitude"),
     ("device", "features/0/geometry/coordinates", [True, 42.0], "expected [longitude"),
     ("device", "features/0/geometry/coordinates", "here", "expected [longitude"),
     ("device", "features/0/geometry/coordinates", [[1.0, 2.0]], "expected [longitude"),
-    ("device", "features/1/id", "SAME", "is that of features[0] already"),
+    ("device", "features/1/id", "SAME", "is already used by features[0]"),
     ("event", "bbox", [1, 2], "expected [west"),
     ("event", "bbox", [-93.6, 43.0, -93.4, 41.0], "south before north"),
     ("event", "features/0/geometry/type", "Polygon", "expected LineString or MultiPoint"),
@@ -144,7 +144,7 @@ DAMAGES: list[tuple[str, str, object, str]] = [
     ("event", E0 + "core_details/road_names", [], "at least 1 item"),
     ("event", E0 + "core_details/road_names", [3], "road_names[0]"),
     ("event", E0 + "core_details/event_type", "restriction", "got 'restriction'"),
-    ("event", E0 + "core_details/data_source_id", "x", "none of feed_info.data_sources"),
+    ("event", E0 + "core_details/data_source_id", "x", "not in feed_info.data_sources"),
     ("event", E0 + "is_start_date_verified", "yes", "valid boolean, got 'yes'"),
     ("event", "feed_info/version", "4.2.1", "expected 4.2 (WZDx) or 1.0 (CWZ), got '4.2.1'"),
     ("event", "feed_info/license", "MIT", "feed_info.license"),
@@ -186,7 +186,7 @@ def test_every_position_swapped_is_found() -> None:
         (E0 + "core_details/direction", "westbound", "from upstream to downstream"),
         (E0 + "core_details/creation_date", "2026-12-24T00:00:00Z", "is after update_date"),
         (E0 + "core_details/related_road_events",
-         [{"type": "first-in-sequence", "id": "?"}], "'?' is no event of this feed"),
+         [{"type": "first-in-sequence", "id": "?"}], "'?' is not an event in this feed"),
         (E0 + "lanes", [{"order": 2, "status": "open", "type": "general"}], "the orders 1 to 1"),
     ],
 )  # fmt: skip
@@ -275,7 +275,7 @@ def test_references_between_files(tmp_path: Path) -> None:
     assert validate_files([device]) == {device: []}  # alone, nothing is known of its events
     found = list(map(str, validate_files([event, device])[device]))
     assert len(found) == 2 + 4  # two cones with two marks each
-    assert found[0].endswith("road_event_ids[0]: 'another' is no event of the feeds given")
+    assert found[0].endswith("road_event_ids[0]: 'another' is not an event in the given feeds")
 
 
 def test_schemas_name_the_branch_that_is_meant() -> None:
@@ -291,12 +291,12 @@ def test_schemas_name_the_branch_that_is_meant() -> None:
 def test_folders_that_hold_no_schemas(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="expected a folder"):
         OfficialSchemas(tmp_path / "nowhere")
-    with pytest.raises(ConfigError, match="holds no JSON schema"):
+    with pytest.raises(ConfigError, match="contains no JSON schema"):
         OfficialSchemas(tmp_path)
     address = "https://example.org/wzdx/main/schemas/4.2/DeviceFeed.json"
     schema = {"$id": address, "$ref": "https://example.org/absent.json"}
     (tmp_path / "a.json").write_text(json.dumps(schema))
-    with pytest.raises(ConfigError, match="holds no schema of a WorkZoneFeed of wzdx"):
+    with pytest.raises(ConfigError, match="contains no schema of a WorkZoneFeed of wzdx"):
         validate_document(written("event"), OfficialSchemas(tmp_path))
     with pytest.raises(ConfigError, match="lacks a schema that DeviceFeed refers to"):
         validate_document(written("device"), OfficialSchemas(tmp_path))

@@ -21,7 +21,7 @@ def test_a_drive_across_the_zone_is_a_doubt() -> None:
     cones = [make_fix(name, np.array([0.1 * k, 10.0 * k])) for k, name in enumerate("abc")]
     zone = zone_of(zone_pass([[-30.0, 0.0], [30.0, 0.0]], cones))
     assert not zone.reliable
-    assert "their order along the road is not known" in zone.doubts[0]
+    assert "their order along the road is unknown" in zone.doubts[0]
 
 
 @pytest.mark.parametrize(
@@ -129,5 +129,5 @@ def test_texts_that_are_none_are_refused(tmp_path: Path, member: str, value: obj
 def test_a_report_without_place_is_refused(tmp_path: Path) -> None:
     result = make_reconstruction(frame=None)
     (tmp_path / "report.json").write_text(json.dumps(make_report(result)))
-    with pytest.raises(InputError, match="place on Earth is unknown"):
+    with pytest.raises(InputError, match="position on Earth is unknown"):
         read_zone(tmp_path)

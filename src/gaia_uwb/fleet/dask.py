@@ -1,8 +1,8 @@
 """Many zones on the workers of a Dask scheduler, which may be other machines.
 
 Logs and results lie on a file system that all of them share, under the same names: only names and
-settings travel. Every worker is asked before the work starts, and again with every zone since it
-may have joined later, whether it is fit for it. Only so many zones are handed over at a time as
+settings travel. Every worker is checked before the work starts, and again with every zone since it
+may have joined later. Only so many zones are handed over at a time as
 keep the workers busy. Dask gives the zones of a worker that dies to others.
 """
 
@@ -43,7 +43,7 @@ class _Terms:
     version
         Of gaia.
     here
-        The folder that relative names are seen from.
+        The folder that relative names start from.
     out
         The folder for all results.
     witness
@@ -75,7 +75,7 @@ def reconstruct_on_scheduler(
     Raises
     ------
     ConfigError
-        If Dask is not installed, no scheduler or worker answers, or one of them is not fit for it.
+        If Dask is not installed, no scheduler or worker answers, or one of them is not suitable.
     """
     with _connected(address) as client, _witness(out) as witness:
         terms = _Terms(version(_PACKAGE), Path.cwd(), out, witness)
@@ -130,10 +130,10 @@ async def _problem_at(address: str) -> str | None:
         ):
             kind = (await there.identity()).get("type")
     except OSError:
-        return f"no Dask scheduler answers there within {_ANSWER_S:g} s"
+        return f"no Dask scheduler answered within {_ANSWER_S:g} s"
     except Exception as error:  # an address that is none, or whatever an answer makes of Dask
-        return f"no Dask scheduler: {' '.join(str(error).split())[:200]}"
-    return None if kind == "Scheduler" else f"no Dask scheduler but a {kind}"
+        return f"not a Dask scheduler: {' '.join(str(error).split())[:200]}"
+    return None if kind == "Scheduler" else f"this is not a Dask scheduler but a {kind}"
 
 
 @contextmanager
@@ -156,7 +156,7 @@ def _lost_is_an_error(address: str) -> Iterator[None]:
         yield
     except (OSError, CancelledError) as error:
         raise ConfigError(
-            f"{address}: lost the scheduler, or what it was given; call the command again to go on"
+            f"{address}: lost the scheduler or its tasks; run the command again to resume"
         ) from error
 
 
@@ -166,7 +166,7 @@ def _check_all(client: Client, address: str, terms: _Terms) -> None:
         client.wait_for_workers(1, timeout=_ANSWER_S)
     except TimeoutError as error:
         raise ConfigError(
-            f"{address}: this scheduler has no workers: dask worker {address} --nthreads 1"
+            f"{address}: no workers yet; start one with: dask worker {address} --nthreads 1"
         ) from error
     # The version is asked by Python's own function, which a machine without gaia has as well.
     try:
@@ -209,9 +209,9 @@ def _problem(terms: _Terms, dask_worker: Any) -> str | None:
         )
     folder = terms.witness.parent
     if not terms.witness.exists():
-        return f"cannot see the folder of results: {_shared(folder)}"
+        return f"cannot see the output folder: {_shared(folder)}"
     if not os.access(folder, os.W_OK):
-        return f"may not write into {folder}"
+        return f"cannot write to {folder}"
     too_late = [
         f"{variable}=1"
         for variable, library in ONE_THREAD.items()
@@ -224,20 +224,20 @@ def _problem(terms: _Terms, dask_worker: Any) -> str | None:
 
 
 def _shared(path: Path | str) -> str:
-    return f"{path} must be on a file system that all workers share, under the same name"
+    return f"{path} must be on a file system that all workers share, under the same path"
 
 
 def reconstruct_as_worker(
     zone: ZoneLogs, logs: Sequence[str], config: PipelineConfig, terms: _Terms
 ) -> ZoneResult:
-    """Reconstruct a zone as a task of Dask's.
+    """Reconstruct a zone as a Dask task.
 
     Parameters
     ----------
     zone
         The zone.
     logs
-        Those of its logs that the machine sees that hands out the work.
+        Those of its logs that the machine that hands out the work can see.
     config
         All settings.
     terms
@@ -246,7 +246,7 @@ def reconstruct_as_worker(
     Raises
     ------
     ConfigError
-        If it does not, or does not see the logs; then no zone should be worked on here.
+        If it does not, or cannot see the logs; no zone should then be worked on here.
     """
     from distributed import get_worker
 
@@ -312,8 +312,8 @@ class _Work:
             except Empty:
                 n_lonely = 0 if self.client.nthreads() else n_lonely + 1
         raise ConfigError(
-            f"{self.address}: without workers for {_WITHOUT_WORKERS_S:g} s; call the command again "
-            "to go on"
+            f"{self.address}: no workers for {_WITHOUT_WORKERS_S:g} s; run the command again "
+            "to resume"
         )
 
     def _raise_unless_killed(self, error: BaseException) -> None:

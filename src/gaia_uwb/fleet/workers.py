@@ -34,7 +34,7 @@ def reconstruct_fleet(
     config
         All settings.
     workers
-        Processes; a script that asks for several needs ``if __name__ == "__main__":``.
+        Number of processes; a script that asks for several needs ``if __name__ == "__main__":``.
     scheduler
         Address of a Dask scheduler, such as ``tcp://host:8786``: its workers do the work instead.
 

@@ -2,9 +2,10 @@
 
 A zone is the unit of work: its logs are read and prepared once, one zone at a time in each process,
 which bounds the memory. Its results are complete when ``fleet.json`` is there, which is written
-last and names what they were made from; a run that was interrupted goes on with the zones that lack
-it. A log that cannot be used is listed and the rest of its zone goes on. Results do not depend on
-who computes them: each zone is computed alone, and numerical libraries get one thread.
+last and names what they were made from; an interrupted run resumes with the zones that lack
+it. A log that cannot be used is listed, and the rest of its zone is still reconstructed. Results do
+not depend on who computes them: each zone is computed alone, and numerical libraries get one
+thread.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ ONE_THREAD = {
 loaded."""
 
 KILLED = "the process that worked on it was killed"
-"""What is said of a zone that ends every process that works on it."""
+"""The problem of a zone that ends every process that works on it."""
 
 _DONE = "fleet.json"
 _MOST_FILES = 10_000  # in a log's folder
@@ -62,7 +63,7 @@ class ZoneLogs:
 
 @dataclass(frozen=True)
 class Failure:
-    """A log that was left out, or with an empty ``log`` a zone without a result."""
+    """A log that was skipped, or with an empty ``log`` a zone without a result."""
 
     zone: str
     log: str
@@ -82,8 +83,8 @@ class ZoneResult:
     failures: tuple[Failure, ...]
 
     @classmethod
-    def failed(cls, zone: ZoneLogs, problem: str) -> ZoneResult:
-        """Return what is said of a zone without a result.
+    def failed(cls, zone: Zone, problem: str) -> ZoneResult:
+        """Return the result of a zone without one: failed, and why.
 
         Parameters
         ----------
@@ -107,10 +108,10 @@ def find_zones(source: Path, out: Path | None = None) -> list[ZoneLogs]:
     ----------
     source
         A manifest: a YAML file (``.yaml`` or ``.yml``) with a list of logs for each zone, or a CSV
-        file with the columns ``log`` and ``zone``, places seen from its own folder. Or a folder; a
+        file with the columns ``log`` and ``zone``, paths relative to its own folder. Or a folder; a
         log that lies in the folder itself is a zone of its own.
     out
-        Folder for results; where it lies in the source, what is in it is no log.
+        Folder for results; if it lies in the source, what it contains is not a log.
 
     Returns
     -------
@@ -141,13 +142,13 @@ def find_zones(source: Path, out: Path | None = None) -> list[ZoneLogs]:
     else:
         raise SourceError(f"{source}: neither a folder nor a manifest")
     if not zones:
-        raise SourceError(f"{source}: no logs in it")
+        raise SourceError(f"{source}: contains no logs")
     for name, logs in zones.items():
         if not _can_name_a_folder(name):
-            raise InputError(f"zone {shown(name)} cannot name a folder", source=source)
+            raise InputError(f"zone {shown(name)}: the name cannot be a folder name", source=source)
         longest = max(map(len, logs))
         if longest > _LONGEST_LOG:
-            problem = f"zone {shown(name)}: a log's path of {longest:,} characters"
+            problem = f"zone {shown(name)}: a log's path is too long ({longest:,} characters)"
             raise InputError(problem, source=source)
     return [ZoneLogs(name, tuple(sorted(set(zones[name])))) for name in sorted(zones)]
 
@@ -162,12 +163,12 @@ def _csv_manifest(source: Path) -> dict[str, list[str]]:
     try:
         rows = list(csv.DictReader(io.StringIO(source.read_text(encoding="utf-8-sig"))))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"cannot read a manifest: {error}", source=source) from error
+        raise InputError(f"cannot read this manifest: {error}", source=source) from error
     zones: dict[str, list[str]] = {}
     for k, row in enumerate(rows, start=2):
         log, zone = row.get("log"), row.get("zone")
         if not log or not zone:
-            raise InputError("expected a log and a zone", source=source, row=k)
+            raise InputError("expected a log and a zone in each row", source=source, row=k)
         zones.setdefault(zone, []).append(str(source.parent / log))
     return zones
 
@@ -186,7 +187,7 @@ def _yaml_manifest(source: Path) -> dict[str, list[str]]:
     zones: dict[str, list[str]] = {}
     for name, logs in content.items():
         if not isinstance(name, str):
-            problem = f"expected text as the name of a zone, got {shown(name)}; write it in quotes"
+            problem = f"expected text as the name of a zone, got {shown(name)}; put it in quotes"
             raise InputError(problem, source=source)
         if not isinstance(logs, list) or not logs:
             problem = f"zone {shown(name)}: expected a list of logs, got {shown(logs)}"
@@ -235,7 +236,7 @@ def reconstruct_zone(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> Zo
     Returns
     -------
     ZoneResult
-        With the logs that were left out.
+        With the logs that were skipped.
     """
     try:
         digest = _digest(zone, config)
@@ -271,7 +272,7 @@ def _fused(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> ZoneResult:
             for scene in load_scenes(log):
                 twin = next((each for each in scenes if same_drive(each, scene)), None)
                 if twin is not None:
-                    raise InputError(f"the same drive as {twin.name}", source=scene.name)
+                    raise InputError(f"is the same drive as {twin.name}", source=scene.name)
                 scenes.append(scene.without_truth())
         except GaiaError as error:
             failures.append(Failure(zone.name, log, str(error)))
@@ -317,13 +318,14 @@ def _digest(zone: ZoneLogs, config: PipelineConfig) -> str:
 def _files(place: Path, log: str) -> list[tuple[str, int, int]]:
     """Return name, size and time of each file at a place.
 
-    A folder with more files than any log has is none: a manifest's slip must not walk a whole disk.
+    A folder with more files than any log has is refused: a typo in a manifest must not walk a whole
+    disk.
     """
     files = []
     with suppress(OSError):  # what cannot be looked at cannot be read later either
         inside = list(islice(place.rglob("*"), _MOST_FILES + 1)) if place.is_dir() else [place]
         if len(inside) > _MOST_FILES:
-            problem = f"holds more than {_MOST_FILES:,} files, name the folder of a log"
+            problem = f"contains more than {_MOST_FILES:,} files: name the folder of one log"
             raise InputError(problem, source=log)
         for each in sorted(inside):
             if each.is_file():

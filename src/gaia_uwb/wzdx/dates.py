@@ -23,7 +23,7 @@ def parse_date(text: str) -> datetime:
     Raises
     ------
     ValueError
-        If it is no such text, or there is no such moment; the message says what was expected.
+        If it is not such a text, or the moment does not exist; the message says what was expected.
     """
     if _RFC3339.fullmatch(text) is None:
         raise ValueError(EXPECTED)

@@ -1,8 +1,8 @@
 """From a reconstructed work zone to WZDx 4.2 or CWZ 1.0: a WorkZoneFeed and a DeviceFeed.
 
 Nothing here reads a clock or draws a random number: the same zone, settings and date give the same
-bytes. Coordinates are WGS84 longitude and latitude with seven decimals (1 cm). What is not certain
-is said where a reader looks for it: positions that are not verified, devices with a warning, and
+bytes. Coordinates are WGS84 longitude and latitude with seven decimals (1 cm). What is uncertain
+is stated where a reader looks for it: positions that are not verified, devices with a warning, and
 the reasons in the event's description and the devices' messages.
 """
 
@@ -66,14 +66,14 @@ def make_feeds(zone: FeedZone, config: FeedConfig, update_date: datetime) -> Fee
     config
         What no log knows.
     update_date
-        When the information is from, with its time zone.
+        When the information was current, with its time zone.
 
     Raises
     ------
     ConfigError
-        If ``device_ids`` names an anchor that the zone has not, or the date has no time zone.
+        If ``device_ids`` names a cone that the zone does not have, or the date has no time zone.
     InputError
-        If the zone cannot be said in a feed: it lies across the 180th meridian, say.
+        If a feed cannot describe the zone, for example because it crosses the 180th meridian.
     """
     writer = _Writer.of(zone, config, update_date)
     feeds = Feeds(
@@ -95,7 +95,7 @@ def write_feeds(feeds: Feeds, folder: Path) -> list[Path]:
     feeds
         What to write.
     folder
-        Made if needed.
+        Created if missing.
 
     Raises
     ------
@@ -134,7 +134,7 @@ class _Writer:
         unknown = set(config.device_ids) - {cone.anchor_id for cone in zone.cones}
         unknown -= set(zone.unlocated)
         if unknown:
-            raise ConfigError(f"device_ids: {zone.name} has no anchor {sorted(unknown)[0]!r}")
+            raise ConfigError(f"device_ids: {zone.name} has no cone {sorted(unknown)[0]!r}")
         step = -1 if config.against_traffic else 1
         cones, line_m = zone.cones[::step], zone.line_m[::step]
         cones_m = np.array([cone.position_m for cone in cones])
@@ -146,7 +146,7 @@ class _Writer:
     def collection(self, features: Sequence[Json], degrees: list[list[float]]) -> Json:
         places = np.array(degrees)
         if np.ptp(places[:, 0]) > 180.0:
-            problem = "it lies across the 180th meridian, which a feed's line cannot"
+            problem = "it crosses the 180th meridian, which a feed's line must not"
             raise InputError(problem, source=self.zone.name)
         return {
             "feed_info": self.feed_info(),

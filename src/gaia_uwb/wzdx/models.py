@@ -29,7 +29,7 @@ from gaia_uwb.wzdx.words import (
 def _is_utc(text: str) -> str:
     parse_date(text)
     if not text.endswith(("Z", "+00:00", "-00:00")):
-        raise ValueError("expected a date in UTC, which ends in Z")
+        raise ValueError("expected a date in UTC, ending in Z")
     return text
 
 
@@ -191,7 +191,7 @@ class LocationMarker(Device):
 
 
 class Feature(Part):
-    """The outside of every feature; what is inside is looked at by itself."""
+    """The shell of every feature; its content is checked separately."""
 
     id: Id
     type: Literal["Feature"]
@@ -200,7 +200,7 @@ class Feature(Part):
 
 
 class Collection(Part):
-    """The outside of every feed."""
+    """The shell of every feed."""
 
     type: Literal["FeatureCollection"]
     features: Some[Any]

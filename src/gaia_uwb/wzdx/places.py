@@ -61,10 +61,10 @@ def check_position(position: Any, place: Sequence[Step], bbox: Any) -> Iterator[
         return
     lon, lat = position[:2]
     if abs(lon) > 180.0:
-        yield Problem(path, f"expected a longitude within +-180 first, got {lon}")
+        yield Problem(path, f"expected a longitude between -180 and 180 first, got {lon}")
     elif abs(lat) > 90.0:
         swapped = ": longitude comes first" if abs(lon) <= 90.0 and abs(lat) <= 180.0 else ""
-        yield Problem(path, f"expected a latitude within +-90 second, got {lat}{swapped}")
+        yield Problem(path, f"expected a latitude between -90 and 90 second, got {lat}{swapped}")
     elif _is_box(bbox) and not _is_inside(lon, lat, bbox):
         yield Problem(path, f"[{lon}, {lat}] is outside the feed's bbox")
     elif lat < _SOUTHERNMOST_ROAD_DEG:

@@ -25,7 +25,7 @@ class Problem:
     text
         What is wrong.
     is_error
-        Whether it makes the feed invalid; otherwise it is worth a look.
+        Whether it makes the feed invalid; otherwise it is a warning.
     """
 
     path: str

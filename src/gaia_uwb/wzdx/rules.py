@@ -1,4 +1,4 @@
-"""Rules between the members of a feature, which no JSON schema can say."""
+"""Rules between the members of a feature, which no JSON schema can express."""
 
 from __future__ import annotations
 

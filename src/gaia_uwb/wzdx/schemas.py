@@ -1,4 +1,4 @@
-"""The official JSON schemas, from a folder that the user has; nothing is fetched.
+"""The official JSON schemas, from a folder that the user names; nothing is downloaded.
 
 The schemas refer to each other and to GeoJSON's by absolute addresses, so the folder must hold them
 all: those of WZDx 4.2 or CWZ 1.0, and ``LineString.json``, ``MultiPoint.json`` and ``Point.json``
@@ -34,7 +34,7 @@ class OfficialSchemas:
     Parameters
     ----------
     folder
-        Holds ``*.json`` files, in sub-folders too; those without an ``$id`` are passed over.
+        Holds ``*.json`` files, in sub-folders too; those without an ``$id`` are skipped.
 
     Raises
     ------
@@ -56,7 +56,7 @@ class OfficialSchemas:
             if isinstance(schema, dict) and isinstance(schema.get("$id"), str):
                 self._schemas[schema["$id"]] = schema
         if not self._schemas:
-            raise ConfigError(f"{folder}: holds no JSON schema with an $id")
+            raise ConfigError(f"{folder}: contains no JSON schema with an $id")
         self._validators: dict[str, Draft7Validator] = {}
 
     def problems(self, document: Any, kind: str, profile: Profile) -> Iterator[Problem]:
@@ -89,7 +89,9 @@ class OfficialSchemas:
             problem = f"{self.folder}: lacks a schema that {kind} refers to: {error}"
             raise ConfigError(problem) from error
         except SchemaError as error:
-            raise ConfigError(f"{self.folder}: {kind} is no schema: {error.message}") from error
+            raise ConfigError(
+                f"{self.folder}: {kind} is not a valid schema: {error.message}"
+            ) from error
 
     def _validator(self, kind: str, profile: Profile) -> Draft7Validator:
         from jsonschema import Draft7Validator, FormatChecker
@@ -100,7 +102,7 @@ class OfficialSchemas:
         address = next((a for a in self._schemas if a.endswith(ends)), None)
         if address is None:
             raise ConfigError(
-                f"{self.folder}: holds no schema of a {kind} of {profile} (.../{ends})"
+                f"{self.folder}: contains no schema of a {kind} of {profile} (.../{ends})"
             )
         if address not in self._validators:
             resources = [(a, DRAFT7.create_resource(s)) for a, s in self._schemas.items()]

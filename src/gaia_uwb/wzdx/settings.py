@@ -44,7 +44,7 @@ class DataSourceConfig(Settings):
     organization_name: Text
     """Who is responsible for the data."""
     data_source_id: Text | None = None
-    """Its id; left out, one is derived from the organisation's name."""
+    """Its id; by default derived from the organisation's name."""
     contact_name: Text | None = None
     contact_email: Email | None = None
     update_frequency_s: int | None = Field(default=None, ge=-1, le=10**9)
@@ -66,38 +66,38 @@ class FeedConfig(Settings):
     start_date: UtcDate
     end_date: UtcDate
     start_date_verified: bool = False
-    """Whether somebody confirmed that work has started."""
+    """Whether somebody has confirmed that work has started."""
     end_date_verified: bool = False
-    """Whether somebody confirmed that work has ended."""
+    """Whether somebody has confirmed that work has ended."""
     vehicle_impact: VehicleImpact = "unknown"
-    """What is closed; a log of ranges does not tell."""
+    """What is closed; a log of ranges cannot show it."""
     work_zone_type: WorkZoneType = "static"
     start_position: Literal["auto", "verified", "estimated"] = "auto"
-    """``auto``: verified where the zone's first cone is located well, see ``verified_below_m``."""
+    """``auto``: verified if the zone's first cone is located well, see ``verified_below_m``."""
     end_position: Literal["auto", "verified", "estimated"] = "auto"
     verified_below_m: float = Field(default=1.0, gt=0, le=100)
-    """``auto`` calls an end verified where its cone lies within this, with 95 % confidence."""
+    """``auto`` calls an end verified if the 95 % radius of its cone is below this."""
     against_traffic: bool = False
     """The log was driven against the traffic of this work zone, on the other carriageway."""
     zone: Text | None = None
-    """Name of the work zone that ids are derived from; left out, the log's name. The same name
+    """Name of the work zone, from which ids are derived; by default the log's name. The same name
     keeps the ids of event and cones from one drive to the next."""
     event_id: Text | None = None
-    """Id of the road event; left out, one is derived."""
+    """Id of the road event; by default derived."""
     device_ids: dict[str, Text] = Field(default_factory=dict)
-    """From anchors to the ids of their devices; for those left out, one is derived."""
+    """Device id of each cone (cone: id); the others are derived."""
     name: Text | None = None
-    """A name of the work zone for people."""
+    """A human-readable name of the work zone."""
     description: Text | None = None
-    """A short text for people; what is uncertain about the positions is added to it."""
+    """A short human-readable text; what is uncertain about the positions is added to it."""
     creation_date: UtcDate | None = None
     reduced_speed_limit_kph: float | None = Field(default=None, ge=0, le=300)
     has_automatic_location: bool = False
-    """What to say of the cones: by the letter it means "from an onboard GPS"."""
+    """Value for all cones; taken literally, it means "from an onboard GPS"."""
     mark_ends: bool = True
     """Mark the first and last cone as the zone's start and end."""
     deprecated_members: bool = False
-    """WZDx only: also write ``beginning_accuracy`` and its like, for old readers."""
+    """WZDx only: also write ``beginning_accuracy`` and similar members, for old readers."""
     event_status: EventStatus | None = None
     """WZDx only, and deprecated there."""
     project_id: Text | None = None
@@ -116,7 +116,7 @@ class FeedConfig(Settings):
         if not self.start_date < self.end_date:
             raise ValueError("end_date: expected a date after start_date")
         if len(set(self.device_ids.values())) < len(self.device_ids):
-            raise ValueError("device_ids: expected different ids")
+            raise ValueError("device_ids: ids must be unique")
         if self.profile == "cwz-1.0":
             self._check_cwz()
         else:
@@ -181,7 +181,7 @@ def make_feed_config(content: Any, *, source: str = "feed settings") -> FeedConf
     Raises
     ------
     ConfigError
-        If ``content`` is no mapping, holds an unknown key or an impossible value, or one is
+        If ``content`` is not a mapping, holds an unknown key or an impossible value, or one is
         missing.
     """
     try:

@@ -1,7 +1,7 @@
-"""Read JSON that anybody may have sent: bounded in size and depth, and strict.
+"""Read JSON from anybody: strictly, and bounded in size and depth.
 
-Python's own reader takes NaN, lets the last of two equal keys win, and holds as much as it is
-given. A feed that relies on any of that is read differently by every reader.
+Python's own reader takes NaN, lets the last of two equal keys win, and has no limit on
+size. A feed that relies on any of that is read differently by every reader.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from gaia_uwb._shared import InputError, shown
 LARGEST_BYTES = 25_000_000
 """A larger file is refused: parsed, JSON may take thirty times its size."""
 DEEPEST = 50
-"""Levels of lists and objects in each other; a feed has about ten."""
+"""Levels of nested lists and objects; a feed has about ten."""
 _LONGEST_NUMBER = 300  # digits; such a number still is a float
 
 
@@ -37,7 +37,7 @@ def read_json(path: Path) -> Any:
     """
     try:
         if path.exists() and not path.is_file():
-            raise InputError("expected a file", source=path)
+            raise InputError("is not a regular file", source=path)
         with path.open("rb") as file:
             content = file.read(LARGEST_BYTES + 1)
     except (OSError, ValueError) as error:  # a ValueError: a zero byte in the path
@@ -65,7 +65,7 @@ def parse_json(content: bytes) -> Any:
     >>> parse_json(b'{"a": 1, "a": 2}')
     Traceback (most recent call last):
         ...
-    ValueError: the key 'a' appears twice in one object
+    ValueError: duplicate key 'a' in one object
     """
     try:
         document = json.loads(
@@ -91,7 +91,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         seen: set[str] = set()
         for key, _ in pairs:
             if key in seen:
-                raise ValueError(f"the key {shown(key)} appears twice in one object")
+                raise ValueError(f"duplicate key {shown(key)} in one object")
             seen.add(key)
     return found
 

@@ -28,7 +28,7 @@ from gaia_uwb.wzdx.words import VERSIONS, Profile
 FeedKind: TypeAlias = Literal["WorkZoneFeed", "DeviceFeed"]
 
 MOST_PROBLEMS = 100
-"""Problems that are listed of one feed; more only say the same again."""
+"""Most problems listed per feed; more would only repeat the same."""
 
 
 def validate_files(
@@ -97,7 +97,7 @@ def validate_document(document: Any, schemas: OfficialSchemas | None = None) -> 
 
 
 def feed_kind(document: Any) -> FeedKind:
-    """Tell a device feed by its first feature; without any feature, it is a work-zone feed."""
+    """Recognise a device feed by its first feature; without features it is a work-zone feed."""
     features = document.get("features") if isinstance(document, dict) else None
     for feature in features if isinstance(features, list) else []:
         details = _details(feature)
@@ -188,13 +188,13 @@ class _Check:
     def _unique(self, feature_id: str, k: int) -> Iterator[Problem]:
         first = self.seen.setdefault(feature_id, k)
         if first != k:
-            text = f"the id {shown(feature_id)} is that of features[{first}] already"
+            text = f"the id {shown(feature_id)} is already used by features[{first}]"
             yield Problem(json_path("features", k, "id"), text)
 
     def _source(self, details: dict[str, Any], place: Sequence[Step]) -> Iterator[Problem]:
         source = details["data_source_id"]
         if self.sources is not None and source not in self.sources:
-            text = f"{shown(source)} is none of feed_info.data_sources"
+            text = f"{shown(source)} is not in feed_info.data_sources"
             yield Problem(json_path(*place, "core_details", "data_source_id"), text)
 
     def _related(self) -> Iterator[Problem]:
@@ -205,7 +205,7 @@ class _Check:
                 other_id = other.get("id") if isinstance(other, dict) else None
                 if isinstance(other_id, str) and other_id not in self.seen:
                     place = ("features", k, "properties", "core_details", "related_road_events", j)
-                    text = f"{shown(other_id)} is no event of this feed"
+                    text = f"{shown(other_id)} is not an event in this feed"
                     yield Problem(json_path(*place, "id"), text, is_error=False)
 
 
@@ -277,4 +277,4 @@ def _dangling_events(document: Any, event_ids: set[str]) -> Iterator[Problem]:
         for steps, event_id in references:
             if isinstance(event_id, str) and event_id not in event_ids:
                 path = json_path("features", k, "properties", *steps)
-                yield Problem(path, f"{shown(event_id)} is no event of the feeds given")
+                yield Problem(path, f"{shown(event_id)} is not an event in the given feeds")

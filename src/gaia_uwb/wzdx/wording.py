@@ -1,4 +1,4 @@
-"""What feeds say of cones in words, and of how well they were located."""
+"""What feeds say in words about cones, and about how well they were located."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ _MOST_WORDS = 1000  # characters
 
 
 def cone_messages(cone: AnchorFix) -> list[str]:
-    """Return what a device's status messages say of a cone's place."""
+    """Return what a device's status messages say about a cone's position."""
     radius_m = confidence_radius_m(cone)
     size = "unknown" if radius_m is None else f"{radius_m:.2f} m"
     words = [cone.status.message, f"95 % confidence radius {size}"]
     if cone.side_is_open:
-        words.append(f"probability of the mirror place {cone.mirror_probability:.2f}")
+        words.append(f"probability of the mirror position {cone.mirror_probability:.2f}")
     return words
 
 
 def cone_extension(cone: AnchorFix) -> Json:
-    """Return the member ``gaia`` of a cone's device: what the specification has no place for."""
+    """Return the member ``gaia`` of a cone's device: what the specification has no member for."""
     known = bool(np.isfinite(cone.covariance_m2).all())
     return {
         "anchor_id": cone.anchor_id,

@@ -1,7 +1,7 @@
 """The work zone as a road user meets it: cones and a line, in the order of travel.
 
-It comes from a reconstruction, or from the files that one has left. What has no place on Earth, or
-no two cones along the way, is no zone that a feed could tell of.
+It comes from a reconstruction, or from the files that one has left. Without a position on Earth, or
+without two cones along the path, there is no zone that a feed could describe.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class FeedZone:
     hull_m : (H, 2)
         Convex hull of the cones, counter-clockwise, not closed, in metres.
     unlocated
-        Ids of the anchors that no place was found for.
+        Ids of the cones that could not be located.
     reliable
         Whether the reconstruction's status is ``ok`` and the drive leads along the zone.
     doubts
@@ -53,7 +53,7 @@ class FeedZone:
     reasons
         All reasons why the zone is unreliable.
     stated
-        What was said of the zone and not measured, in words.
+        What was stated about the zone and not measured, in words.
     """
 
     name: str
@@ -96,7 +96,7 @@ def read_zone(folder: Path) -> FeedZone:
     Parameters
     ----------
     folder
-        Holds ``report.json`` and ``boundary.geojson``, of which the path is taken.
+        Holds ``report.json`` and ``boundary.geojson``, which gives the path.
 
     Raises
     ------
@@ -152,16 +152,16 @@ def _text(value: object) -> str:
 
 
 def _check_sizes(anchors: Sequence[AnchorFix], hull_m: Float64[Array, "H 2"]) -> None:
-    """Refuse places that are on no site, and covariances that nobody can compute with."""
+    """Refuse places that cannot be on one site, and covariances too large to compute with."""
     places_m = [hull_m, *(np.stack([fix.position_m, fix.mirror_position_m]) for fix in anchors)]
     if not np.isfinite(hull_m).all() or any((np.abs(m) > _FARTHEST_M).any() for m in places_m):
-        raise ValueError(f"expected places within {_FARTHEST_M:g} m")
+        raise ValueError(f"expected positions within {_FARTHEST_M:g} m")
     if any((np.abs(fix.covariance_m2) > _LARGEST_M2).any() for fix in anchors):
-        raise ValueError(f"expected covariances of at most {_LARGEST_M2:g} m^2")
+        raise ValueError(f"expected covariances of at most {_LARGEST_M2:g} m²")
 
 
 def _read_path(file: Path, name: str, frame: LocalFrame) -> Float64[Array, "T 2"]:
-    """Return the path in metres, the first pass's, from the GeoJSON beside a report."""
+    """Return the path in metres, the first pass's, from the GeoJSON next to a report."""
     content = read_json(file)
     try:
         if content["gaia"]["scene"] != name:
@@ -182,7 +182,7 @@ def _read_path(file: Path, name: str, frame: LocalFrame) -> Float64[Array, "T 2"
 
 def _without_place(name: str) -> InputError:
     return InputError(
-        "its place on Earth is unknown, and a feed needs longitude and latitude: give the log's "
+        "its position on Earth is unknown, but a feed needs longitude and latitude: give the log's "
         "trajectory as lat and lon, or the frame's origin",
         source=name,
     )
@@ -236,14 +236,14 @@ def _make_zone(
 
 
 def _across(cones: Sequence[AnchorFix], line_m: Float64[Array, "P 2"]) -> Iterator[str]:
-    """Say in words where a drive leads past the zone's side or ends in it, not along it."""
+    """Say in words if a drive leads past the zone's side or ends in it, not along it."""
     position_m = np.array([cone.position_m for cone in cones])
     apart_m = float(max(np.hypot(*(position_m - one_m).T).max() for one_m in position_m))
     length_m = float(np.hypot(*np.diff(line_m, axis=0).T).sum())
     if length_m < _ALONG * apart_m:
         yield (
-            f"the drive passes all cones within {length_m:.1f} m of its way though they stand up "
-            f"to {apart_m:.1f} m apart, so their order along the road is not known"
+            f"the drive passes all cones within {length_m:.1f} m of its path, although they are "
+            f"up to {apart_m:.1f} m apart, so their order along the road is unknown"
         )
 
 
