@@ -148,7 +148,7 @@ def test_a_block_must_end_as_it_says(tmp_path: Path) -> None:
     [
         ("```bash\nls", "line 1: this fence is not closed"),
         ("- list\n  ```bash\n  ls\n  ```", "line 2: expected a fence at the margin"),
-        ("<!-- output -->\n```text\nx\n```", "line 2: an output of nothing"),
+        ("<!-- output -->\n```text\nx\n```", "line 2: an output block without a block before it"),
         ("<!-- not run: x -->\n\nwords", "line 3: expected a block after a comment"),
     ],
 )

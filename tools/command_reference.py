@@ -14,10 +14,10 @@ from gaia_uwb.cli import app
 
 _HEAD = """# The command line
 
-Made from the commands themselves; `gaia COMMAND --help` says the same.
+Generated from the commands themselves; `gaia COMMAND --help` prints the same text.
 
 Exit codes: 0 done; 1 done, but a result is marked unreliable; 2 bad input or usage, with one line
-on stderr. What is computed is written into `--out`, each file whole or not at all.
+on stderr. Results are written to `--out`, each file whole or not at all.
 
 """
 

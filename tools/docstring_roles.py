@@ -26,7 +26,7 @@ class DocstringRoles(griffe.Extension):
         pkg
             The package.
         **kwargs
-            What griffe hands on.
+            What griffe passes on.
         """
         for each in _walk(pkg):
             if each.docstring:
@@ -41,7 +41,7 @@ def with_references(text: str, scope: griffe.Object) -> str:
     text
         The docstring.
     scope
-        Whose it is; names are looked up where it stands.
+        The object that it documents; names are looked up from there.
     """
 
     def reference(role: re.Match[str]) -> str:

@@ -3,21 +3,21 @@
 The blocks of a page run in order, in one folder of their own that is empty at the start:
 
 - ``bash`` blocks by ``bash -e``, with ``gaia`` on the path;
-- ``python`` blocks in one namespace, so that a block goes on where the one before ended;
+- ``python`` blocks in one namespace, so that a block continues where the previous one ended;
 - a block with a title (```` ```yaml title="feed.yaml" ````) becomes a file of that name.
 
-HTML comments, which no reader sees, say the rest; each stands on a line of its own before a block:
+HTML comments, which no reader sees, control the rest; each is on its own line before a block:
 
 ==============================  ============================================================
-``<!-- run first: COMMAND -->``  run this as well: makes what the reader already has, as a log
-``<!-- not run: REASON -->``     leave the next block out, and say why
+``<!-- run first: COMMAND -->``  also run this, to make what the reader already has, such as a log
+``<!-- not run: REASON -->``     skip the next block, and say why
 ``<!-- exit 1 -->``              the next block ends with this exit code
 ``<!-- output -->``              the next block shows what the block before it printed
 ==============================  ============================================================
 
 In a shown output ``...`` stands for anything. ``python tools/page_blocks.py --update docs/*.md``
-runs the pages and writes outputs that changed (or are no more than ``...``) anew; ``--list`` names
-the blocks that do not run.
+runs the pages and rewrites outputs that changed (or are only ``...``); ``--list`` names the blocks
+that do not run.
 
 >>> page = '''```python
 ... print(6 * 7)
@@ -132,7 +132,7 @@ def parse(page: str) -> list[Block]:
     runs = [block.kind in ("run", "left out") for block in blocks]
     for k, block in enumerate(blocks):
         if block.kind == "output" and not any(runs[:k]):
-            raise PageError(f"line {block.line}: an output of nothing")
+            raise PageError(f"line {block.line}: an output block without a block before it")
     return blocks
 
 
@@ -213,7 +213,7 @@ class Runner:
 
 
 def run_page(page: str, runner: Runner) -> Iterator[tuple[Block, str]]:
-    """Run a page's blocks and yield each output block with what was printed in fact.
+    """Run a page's blocks and yield each output block with what was actually printed.
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def agrees(shown: str, printed: str) -> bool:
 
 
 def update_page(path: Path) -> bool:
-    """Write a page's outputs anew where they no longer agree; return whether there was one.
+    """Rewrite the outputs of a page that no longer agree; return whether there were any.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ def main() -> None:
     """Update pages, or list what does not run in them."""
     parser = argparse.ArgumentParser(description="Run the code blocks of Markdown pages.")
     action = parser.add_mutually_exclusive_group(required=True)
-    action.add_argument("--update", action="store_true", help="write their outputs anew")
+    action.add_argument("--update", action="store_true", help="rewrite their outputs")
     action.add_argument("--list", action="store_true", help="name the blocks that do not run")
     parser.add_argument("pages", nargs="+", type=Path)
     options = parser.parse_args()
@@ -289,7 +289,7 @@ def main() -> None:
                 if block.kind == "left out":
                     sys.stdout.write(f"{path}:{block.line}: {block.note}\n")
         else:
-            sys.stdout.write(f"{path}: {'updated' if update_page(path) else 'as it was'}\n")
+            sys.stdout.write(f"{path}: {'updated' if update_page(path) else 'unchanged'}\n")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """The settings' reference page, from the pydantic models and the docstrings of their fields.
 
 Types, defaults and bounds come from the models; meanings from the strings below the fields, which
-are read from the source (as mkdocstrings does), since Python forgets them; units from the suffixes
-of the names (``docs/conventions.md``).
+are read from the source (as mkdocstrings does), since Python does not keep them; units from
+the suffixes of the names (``docs/conventions.md``).
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from gaia_uwb.wzdx import FeedConfig
 
 _HEAD = """# Settings
 
-Made from the settings' own models. Every file is YAML; what it leaves out keeps its default, and an
-unknown key or an impossible value is an error that names the key. Units are those of the names'
-endings ([conventions](../conventions.md)).
+Generated from the settings' own models. Every file is YAML; what it omits keeps its default, and an
+unknown key or an impossible value is an error that names the key. A name ends in its
+unit ([conventions](../conventions.md)).
 
 """
 
@@ -137,7 +137,7 @@ def _container(annotation: Any) -> str:
 
 
 def _discriminator(model: type[BaseModel]) -> str:
-    """Return the word that tells a model from the others in its place, as its ``format``."""
+    """Return the word that distinguishes a model from its alternatives, as its ``format``."""
     for name in ("format", "kind"):
         info = model.model_fields.get(name)
         if info is not None and typing.get_origin(info.annotation) is typing.Literal:
@@ -155,7 +155,7 @@ _CONTAINERS: dict[Any, str] = {list: "list of sections", dict: "mapping to secti
 
 
 def _value(annotation: Any, metadata: list[Any]) -> str:
-    """Say in words what a setting takes."""
+    """Say in words what a setting accepts."""
     origin, parts = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Annotated:
         words = _value(parts[0], [*parts[1:], *metadata])

@@ -1,4 +1,4 @@
-"""What MkDocs does beyond its plugins: pages made from the code, so that none is typed by hand.
+"""Hooks of MkDocs: pages generated from the code, so that none is typed by hand.
 
 ``mkdocs.yml`` names this file under ``hooks``.
 """

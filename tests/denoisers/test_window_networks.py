@@ -153,7 +153,7 @@ def test_truth_takes_no_part(models: dict[str, Path]) -> None:
 
 
 def test_more_anchors_than_channels_are_refused(models: dict[str, Path]) -> None:
-    with pytest.raises(InputError, match=r"run-3.*: the model has channels for 3 anchors"):
+    with pytest.raises(InputError, match=r"run-3.*: the model has channels for 3 cones"):
         denoise(models["gaia"], [make_run(3, n_anchors=4, n_steps=WINDOW)])
 
 
@@ -166,10 +166,10 @@ def test_a_path_outside_the_training_data_is_unreliable(models: dict[str, Path])
     (note,) = denoiser.notes(elsewhere)
     assert note.kind is ReasonKind.OUTSIDE_TRAINING
     assert str(note).startswith("gaia:")
-    assert "100% of the path lies outside" in str(note)
+    assert "100 % of the path lies outside" in str(note)
     fewer = make_run(3, n_steps=WINDOW, n_anchors=2)
     (note_of_fewer,) = denoiser.notes(fewer)
-    assert "trained with 3 anchors, this log has 2" in str(note_of_fewer)
+    assert "trained on 3 cones, this log has 2" in str(note_of_fewer)
     found = reconstruct_episodes([run, elsewhere], PipelineConfig(denoiser=name))
     assert note not in found[0].reasons
     assert note in found[1].reasons
@@ -192,7 +192,7 @@ def test_a_model_is_named_in_two_ways(models: dict[str, Path], tmp_path: Path) -
     ("name", "problem"),
     [
         ("gaia:", "model: "),
-        ("gaia:nowhere", "no model 'nowhere' of gaia"),
+        ("gaia:nowhere", "no gaia model 'nowhere'"),
         ("raw:stress", "model: Extra inputs"),
         ("nonsense:stress", "no denoiser is called 'nonsense'"),
     ],

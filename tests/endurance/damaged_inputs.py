@@ -1,9 +1,9 @@
-"""Damaged inputs by the ten thousand: read, or refused in one line, in bounded time and memory.
+"""Try thousands of damaged inputs: each is read or refused in one line, in bounded time and memory.
 
 Usage: nice python tests/endurance/damaged_inputs.py [--n 10000] [--reader NAME ...]
        python tests/endurance/damaged_inputs.py --reader mcap --case 4711
 
-The second looks at one case, and shows its traceback.
+The second form runs one case and shows its traceback.
 
 Every case damages a fresh copy of a good input (``tests/helpers/damage.py``) and then does what
 the command does that takes it (``tests/helpers/readers.py``: ``gaia data check`` for a log); every
@@ -14,8 +14,8 @@ library's stack trace), the text is not one printable line, the process dies, or
 cases. Needs the extras ros and feeds.
 
 One process works at a time. After each reader its row is printed and written to
-``tests/endurance/out/damaged_inputs.json``, where the rows of other readers stay as they are: go on
-after an interruption with ``--reader`` and the names that are left.
+``tests/endurance/out/damaged_inputs.json``, where the rows of other readers stay as they are.
+Resume after an interruption with ``--reader`` and the remaining names.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ from typing import Any
 
 LIMIT_S, LIMIT_GIB = 5.0, 1.0
 STUCK_S = 10 * LIMIT_S
-"""A worker that takes so much of a processor's time for one case is killed."""
+"""A worker that takes more processor time than this for one case is killed."""
 
 SILENT_S = 3600.0
-"""A worker that says nothing for so long hangs; on a busy machine, others come first."""
+"""A worker that prints nothing for this long hangs; long, because the machine may be busy."""
 
 USE_EVERY = 20
 LONGEST_LINE = 2000
@@ -87,13 +87,13 @@ class Cases:
         try:
             for line in self._reader.read(path):
                 if not line.isprintable() or len(line) > LONGEST_LINE:
-                    return "bad", f"no line ({len(line)} characters): {line!r}"[:300]
+                    return "bad", f"not one line ({len(line)} characters): {line!r}"[:300]
             if case % USE_EVERY == 0:
                 self._reader.use(path)
         except GaiaError as error:
             line = str(error)
             if not line.isprintable() or len(line) > LONGEST_LINE:
-                return "bad", f"no line ({len(line)} characters): {line!r}"[:300]
+                return "bad", f"not one line ({len(line)} characters): {line!r}"[:300]
             return "refused", line
         return "ok", ""
 

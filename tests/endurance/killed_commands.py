@@ -1,4 +1,4 @@
-"""Kill commands that write files at random moments: every file is a whole one.
+"""Kill commands that write files, at random moments: every file must be whole.
 
 Usage: nice python tests/endurance/killed_commands.py [--n 100]
 
@@ -87,9 +87,9 @@ def main() -> None:
                     runs.check_the_next_run()
             print(
                 f"{command:12} killed {n} times: {runs.n_before_writing} before a file changed, "
-                f"{n - runs.n_before_writing - runs.n_done} while writing, {runs.n_done} came too "
-                f"late; {runs.n_litter} left a temporary file; no half file, {n // 10} later runs "
-                "whole and tidy"
+                f"{n - runs.n_before_writing - runs.n_done} while writing, {runs.n_done} killed "
+                f"too late; {runs.n_litter} left a temporary file; no half-written file, "
+                f"{n // 10} later runs whole and tidy"
             )
 
 

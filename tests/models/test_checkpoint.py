@@ -109,12 +109,12 @@ def test_a_missing_file_is_named(model: Path, name: str) -> None:
 @pytest.mark.parametrize("name", [ONNX, WEIGHTS])
 def test_a_file_of_another_model_is_refused(model: Path, name: str) -> None:
     shutil.copy(model / "base" / name, model / name)
-    assert_refused(model, name, "not of this model")
+    assert_refused(model, name, "not part of this model")
 
 
 def test_a_description_that_was_edited_is_refused(model: Path) -> None:
     change(model, lambda fields: fields.update(sigma_m=9.0))
-    assert_refused(model, DESCRIPTION, "damaged")
+    assert_refused(model, DESCRIPTION, "corrupt")
 
 
 @pytest.mark.parametrize(
@@ -128,8 +128,8 @@ def test_a_description_that_was_edited_is_refused(model: Path) -> None:
         (lambda fields: fields.pop("normalisation"), "normalisation: Field required"),
         (lambda fields: fields.update(sigma_m=-1.0), "sigma_m: "),
         (lambda fields: fields.update(n_anchors="3"), "n_anchors: "),
-        (lambda fields: fields["sha256"].update({"more.bin": "0" * 64}), "damaged"),
-        (lambda fields: fields["sha256"].pop(ONNX), "damaged"),
+        (lambda fields: fields["sha256"].update({"more.bin": "0" * 64}), "corrupt"),
+        (lambda fields: fields["sha256"].pop(ONNX), "corrupt"),
     ],
 )
 def test_a_description_of_something_else_is_refused(
@@ -147,7 +147,7 @@ def test_files_without_a_checksum_are_refused(model: Path) -> None:
 @pytest.mark.parametrize("content", [b"", b"schema: 1", b"[1]", b"3", b"\xff\xfe", b"[" * 100_000])
 def test_a_description_that_is_no_json_is_refused(model: Path, content: bytes) -> None:
     (model / DESCRIPTION).write_bytes(content)
-    assert_refused(model, DESCRIPTION, "no description of a model")
+    assert_refused(model, DESCRIPTION, "not a model description")
 
 
 class Bomb:
@@ -164,7 +164,7 @@ def test_a_pickle_is_refused_and_not_opened(
     content = pickle.dumps(Bomb())
     (model / WEIGHTS).write_bytes(content)
     assert_refused(model, WEIGHTS, "checksum")
-    with pytest.raises(ConfigError, match="weights: no safetensors file"):
+    with pytest.raises(ConfigError, match="weights: not a safetensors file"):
         unpack(content, "weights")
     assert not (tmp_path / "unpickled").exists()
 
@@ -186,9 +186,7 @@ def test_arrays_come_back_whatever_their_order_and_shape() -> None:
 
 @pytest.mark.parametrize("name", ["nowhere", "", "a" * 5000, "nul\0byte"])
 def test_a_model_that_is_not_there_is_refused(name: str) -> None:
-    with pytest.raises(
-        ConfigError, match=r"no model .* of gaia: neither a folder with model\.json"
-    ):
+    with pytest.raises(ConfigError, match=r"no gaia model .*: neither a folder with model\.json"):
         find_model("gaia", name)
 
 

@@ -61,7 +61,7 @@ def test_targets_are_the_truth_in_the_networks_channels() -> None:
 def test_what_a_network_cannot_take_is_refused_in_one_line() -> None:
     with pytest.raises(InputError) as caught:
         make_window_inputs([make_run(7)], 2, NORMALISATION)
-    assert str(caught.value) == "run-7: the model has channels for 2 anchors, this log has 3"
+    assert str(caught.value) == "run-7: the model has channels for 2 cones, this log has 3"
     with pytest.raises(InputError, match=r"run-7: expected true ranges to train on, got none"):
         window_targets([make_run(7).without_truth()], 3, NORMALISATION)
 

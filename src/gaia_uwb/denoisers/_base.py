@@ -40,12 +40,12 @@ class Denoiser(ABC):
     """
 
     Options: ClassVar[type[Options]] = Options
-    """Model of its options; by default it has none."""
+    """Model of its options; none by default."""
     uses_pose: ClassVar[bool] = False
-    """Whether the vehicle's pose takes part."""
+    """Whether it uses the vehicle's pose."""
     locates: ClassVar[bool] = False
-    """Whether it finds the anchors' places and draws its ranges to them. Whoever locates the
-    anchors anew then goes by the measured ranges: the others would say again what it found."""
+    """Whether it locates the anchors and pulls its ranges towards those places. A later step that
+    locates the anchors again uses the measured ranges: these ones would only repeat the result."""
 
     def __init__(self, options: Any) -> None:
         self.options = options
@@ -67,7 +67,7 @@ class Denoiser(ABC):
         """
 
     def notes(self, episode: Episode) -> tuple[Reason, ...]:
-        """Tell why its result for an episode cannot be relied upon; nothing if it can.
+        """Return why its result for an episode is not reliable; nothing if it is.
 
         Parameters
         ----------

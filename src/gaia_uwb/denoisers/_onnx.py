@@ -1,4 +1,4 @@
-"""Trained networks in ONNX Runtime: which model, and how it is started."""
+"""Trained networks in ONNX Runtime: find a model and start it."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class TrainedOptions(Options):
     """Options of the trained networks."""
 
     model: str = Field(default="stress", min_length=1)
-    """What it was trained on, for a model inside the package (``stress``, ``outdoor-uwb``); or a
-    folder that ``gaia train`` wrote."""
+    """A model: the name of its training data, if it comes with the package (``stress``,
+    ``outdoor-uwb``), or a folder written by ``gaia train``."""
 
 
 def find_trained(kind: str, model: str, family: type[Model]) -> tuple[Path, Model]:
@@ -49,7 +49,7 @@ def find_trained(kind: str, model: str, family: type[Model]) -> tuple[Path, Mode
     Raises
     ------
     ConfigError
-        If the model is missing, damaged or of another kind.
+        If the model is missing, corrupt or of another kind.
     """
     folder = find_model(kind, model)
     found = read_description(folder)
@@ -61,7 +61,7 @@ def find_trained(kind: str, model: str, family: type[Model]) -> tuple[Path, Mode
 def start_network(
     folder: Path, description: WindowModel | ZoneModel, inputs: Mapping[str, int | None]
 ) -> onnxruntime.InferenceSession:
-    """Return a session that runs a model's network; the same one as long as its file is the same.
+    """Return a session that runs a model's network; reused while its file stays the same.
 
     Parameters
     ----------
@@ -70,13 +70,13 @@ def start_network(
     description
         Of the model.
     inputs
-        Names of the network's inputs, each with the length of its last axis; None where any will
-        do.
+        Names of the network's inputs, each with the length of its last axis; None where any is
+        allowed.
 
     Raises
     ------
     ConfigError
-        If the network is missing or damaged, cannot be run, or has other inputs.
+        If the network is missing or corrupt, cannot be run, or has other inputs.
     """
     source = str(folder / ONNX)
     session = _kept_session(read_file(folder, ONNX, description), source)
@@ -106,7 +106,7 @@ def start_session(content: bytes, source: str) -> onnxruntime.InferenceSession:
     Raises
     ------
     ConfigError
-        If it is none, or cannot be run.
+        If it is not an ONNX file, or cannot be run.
     """
     import onnxruntime
 

@@ -1,11 +1,11 @@
-"""Long drives and many anchors: pieces that the network takes one at a time, put together again.
+"""Long drives and many anchors: pieces that the network processes one by one, put together again.
 
 A drive is cut into sections that overlap by half; an anchor's place comes from the section in which
 it has most ranges. More anchors than the network takes at once are split by when they are ranged.
 
 Whether anchors stand left or right of the path is one question for a whole work zone
-(:class:`~gaia_uwb.denoised.ZonePosterior`). So is it for all sections of a drive, unless two
-of them are sure of opposite answers: then they are different zones, and each keeps its own.
+(:class:`~gaia_uwb.denoised.ZonePosterior`), and so for all sections of a drive, unless two of
+them are sure of opposite answers: then they are different zones, and each keeps its own answer.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _SURE = 2.0  # log odds of a side from which on a section may contradict another
 
 @dataclass(frozen=True)
 class Piece:
-    """What the network takes at a time.
+    """What the network processes at a time.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Piece:
     heard : (K,)
         The anchors that have a range there.
     own : (K,)
-        Which of these it says the places of.
+        Which of these it locates.
     """
 
     steps: slice
@@ -74,7 +74,7 @@ def sections(episode: Episode) -> list[slice]:
     driven_m = np.concatenate([[0.0], np.cumsum(step_m)])
 
     def end(start: int) -> tuple[int, bool]:
-        """Return where a section must stop, and whether it is the metres that say so."""
+        """Return where a section must stop, and whether the limit in metres decides that."""
         by_steps = min(start + ZONE_LONGEST_STEPS, episode.n_steps)
         for length_m in (2.0 * ZONE_FARTHEST_M, ZONE_FARTHEST_M):
             far = int(np.searchsorted(driven_m, driven_m[start] + length_m, side="right"))
@@ -106,7 +106,7 @@ def pieces_of(episode: Episode) -> list[Piece]:
     Parameters
     ----------
     episode
-        One that is too long, or has too many anchors, to be taken as a whole.
+        One that is too long, or has too many anchors, to be processed as a whole.
     """
     parts = sections(episode)
     n_ranges = np.array([episode.valid[part].sum(axis=0) for part in parts])  # (S, N)

@@ -25,11 +25,11 @@ class GateOptions(Options):
     """When a reading counts as a spike (Hampel 1974, about a local line)."""
 
     spike_neighbours: int = Field(default=10, ge=2, le=1000)
-    """A reading is compared with so many before and after it."""
+    """Number of readings before and after each one that it is compared with."""
     spike_threshold_sigma: float = Field(default=5.0, gt=0, le=100)
-    """A spike is off the line by more than so many robust standard deviations of its neighbours."""
+    """A spike is off the line by more than this many robust standard deviations of the others."""
     spike_threshold_m: float = Field(default=0.25, ge=0, le=100)
-    """... and by more than this."""
+    """A spike is also off the line by more than this."""
 
 
 class LocalLine(NamedTuple):
@@ -54,7 +54,7 @@ def local_line(
     t_s, value_m : (T, C)
         Times and readings; NaN is left out.
     half
-        So many readings before and after the step take part; at the ends the window stays inside,
+        Number of readings used before and after the step; at the ends the window stays inside,
         so that a burst there is a minority as well.
     sloped
         Estimate the slope; otherwise it is 0.

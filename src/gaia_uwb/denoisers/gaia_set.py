@@ -1,9 +1,9 @@
 """``gaia-set``: the network for work zones that it has never seen, run by ONNX Runtime.
 
-Beside ranges it says where all anchors stand and on which sides. It takes a drive as a whole, from
-the first range to the last; what is longer than ``ZONE_LONGEST_STEPS``, reaches farther than
-``ZONE_FARTHEST_M`` from the middle of the path, or has more than ``ZONE_MOST_ANCHORS`` anchors,
-goes through it in pieces (``_pieces.py``).
+Besides ranges, it returns the places and sides of all anchors. It processes a drive as a whole,
+from the first range to the last. A drive that is longer than ``ZONE_LONGEST_STEPS``, reaches
+farther than ``ZONE_FARTHEST_M`` from the middle of the path, or has more than
+``ZONE_MOST_ANCHORS`` anchors, goes through it in pieces (``_pieces.py``).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class ZoneOptions(TrainedOptions):
     """Options of ``gaia-set``."""
 
     model: str = Field(default="mixed", min_length=1)
-    """Like that of the other networks; inside the package there is ``mixed``."""
+    """Like that of the other networks; the package comes with ``mixed``."""
 
 
 class ZoneNetwork(Denoiser):
@@ -58,7 +58,7 @@ class ZoneNetwork(Denoiser):
     Raises
     ------
     ConfigError
-        If the model is missing, damaged or of another kind.
+        If the model is missing, corrupt or of another kind.
     """
 
     Options: ClassVar[type[Options]] = ZoneOptions
@@ -151,7 +151,7 @@ class ZoneNetwork(Denoiser):
 
 
 def _too_much(episode: Episode) -> bool:
-    """Tell whether an episode cannot be taken as a whole."""
+    """Tell whether an episode is too large to be processed as a whole."""
     if episode.n_steps > ZONE_LONGEST_STEPS or episode.n_anchors > ZONE_MOST_ANCHORS:
         return True
     nearest = np.where(episode.valid, episode.range_m, np.inf).argmin(axis=0)

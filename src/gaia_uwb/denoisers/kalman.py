@@ -14,12 +14,12 @@ from gaia_uwb.denoisers._tracker import Motion, track
 
 
 class TrackOptions(GateOptions):
-    """What every Kalman denoiser can be told."""
+    """Options of every Kalman denoiser."""
 
     measurement_sigma_m: float | None = Field(default=None, gt=0, le=100)
-    """Standard deviation of a reading; by default each anchor's own, found from its readings."""
+    """Standard deviation of a reading; by default each anchor's, estimated from its readings."""
     gate_sigma: float = Field(default=4.0, gt=0, le=100)
-    """A reading whose innovation exceeds so many of its standard deviations is rejected (a
+    """A reading whose innovation exceeds this many of its standard deviations is rejected (a
     chi-square gate with one degree of freedom at the square of this)."""
     max_coast_s: float = Field(default=0.6, ge=0, le=60)
     """Gaps between accepted readings up to this long are bridged; after a longer one the filter
@@ -32,8 +32,8 @@ class KalmanOptions(TrackOptions):
     """Options of ``kalman``."""
 
     acceleration_density_m2ps3: float = Field(default=1.0, gt=0, le=1e6)
-    """Power density of the range's white acceleration, in (m/s^2)^2/Hz. It stands for the bend of
-    the range on the way past: at 1 m/s and from 1 m away about 1."""
+    """Power density of the range's white acceleration, in (m/s^2)^2/Hz. It covers the curve of
+    the range while passing: about 1 at 1 m/s and a distance of 1 m."""
 
 
 class Kalman(ColumnDenoiser):
@@ -43,7 +43,7 @@ class Kalman(ColumnDenoiser):
     earlier ones, and by the filter's innovations. The filter starts on that line, so a spike as the
     first reading does no harm, and it starts afresh when it has accepted no reading for
     ``max_coast_s``; the steps it lost are marked not valid. That happens to a fast vehicle where it
-    passes an anchor: 20 m/s at 5 m means 80 m/s^2. ``pose-kalman`` knows of the bend.
+    passes an anchor: 20 m/s at 5 m means 80 m/s^2. ``pose-kalman`` models that curve.
 
     Examples
     --------

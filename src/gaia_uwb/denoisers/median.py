@@ -23,7 +23,7 @@ class MedianOptions(GateOptions):
     """Options of ``median``."""
 
     window_steps: int = Field(default=5, ge=1, le=1001)
-    """Steps in the running median's window, an odd number; at the ends it stays inside."""
+    """Steps in the running median's window, an odd number; at the ends it stays inside the log."""
 
     @field_validator("window_steps")
     @classmethod

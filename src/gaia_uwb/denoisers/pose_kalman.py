@@ -1,4 +1,4 @@
-"""``pose-kalman``: a Kalman filter of what the vehicle's pose does not explain of the ranges."""
+"""``pose-kalman``: a Kalman filter of what the vehicle's pose leaves unexplained in the ranges."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class PoseKalman(ColumnDenoiser):
     """Let the vehicle's pose predict how each range changes; filter the rest.
 
     A robust fit to the episode's own ranges locates each anchor. The range predicted from there
-    changes as the measured one does, also where a fast vehicle passes, and the anchor's mirror
-    image predicts nearly the same, so its side does not matter. What is left, the offset between
+    changes as the measured one does, even where a fast vehicle passes, and the anchor's mirror
+    position predicts nearly the same, so its side does not matter. What is left, the offset between
     measured and predicted range, hardly moves: its gates are tight, and spikes stand out. An anchor
     that cannot be located, or whose place does not explain at least half of how its ranges vary
     (a parked vehicle's do not vary), is treated as ``kalman`` does by default.

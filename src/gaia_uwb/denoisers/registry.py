@@ -62,7 +62,7 @@ def denoiser_class(name: str) -> type[Denoiser]:
 
 
 def _installed(name: str) -> EntryPoint:
-    """Return where an installed package has the denoiser of a name."""
+    """Return the entry point of an installed package's denoiser."""
     found = entry_points(group=ENTRY_POINTS)
     named = list(found.select(name=name))
     if not named:
@@ -135,7 +135,7 @@ options are spike_neighbours, spike_threshold_sigma, spike_threshold_m, window_s
 
 
 def denoiser_identity(name: str) -> list[Any]:
-    """Return what, beside the code, makes a denoiser what it is, for checksums.
+    """Return what, besides the code, defines a denoiser, for checksums.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ class WindowNetwork(Denoiser):
     Raises
     ------
     ConfigError
-        If the model is missing, damaged or of another kind.
+        If the model is missing, corrupt or of another kind.
 
     Examples
     --------
@@ -91,7 +91,7 @@ class WindowNetwork(Denoiser):
         ]
 
     def notes(self, episode: Episode) -> tuple[Reason, ...]:
-        """Tell where an episode lies outside what the model was trained on.
+        """Return where an episode lies outside the model's training data.
 
         Parameters
         ----------
@@ -100,7 +100,10 @@ class WindowNetwork(Denoiser):
         """
         name = f"{self.kind}:{self.options.model}"
         return tuple(
-            Reason(ReasonKind.OUTSIDE_TRAINING, f"{name} guesses: {reason}; use another denoiser")
+            Reason(
+                ReasonKind.OUTSIDE_TRAINING,
+                f"{name} is not reliable here: {reason}; use another denoiser",
+            )
             for reason in self.description.domain.strange(episode)
         )
 

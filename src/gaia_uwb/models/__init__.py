@@ -1,4 +1,4 @@
-"""Describe a trained model, what it sees of an episode, and its files; without PyTorch."""
+"""Describe a trained model, its inputs and its files; without PyTorch."""
 
 import lazy_loader
 

@@ -3,7 +3,7 @@
 =======================  ==========================================================
 ``model.json``           what it is, with checksums: see ``description.py``
 ``model.onnx``           the network for ONNX Runtime, dynamic batch and length
-``weights.safetensors``  its weights, to train on or to look at
+``weights.safetensors``  its weights, for further training or inspection
 ``MODEL_CARD.md``        what it is, what it was trained on, its scores, its limits
 =======================  ==========================================================
 """
@@ -53,8 +53,8 @@ def find_model(kind: str, model: str) -> Path:
     kind
         Kind of network: ``mlp``, ``pose-mlp``, ``gaia`` or ``gaia-set``.
     model
-        What it was trained on, for one inside the package (``stress``); or a folder that
-        ``gaia train`` wrote.
+        The name of its training data, if it comes with the package (``stress``), or a folder
+        written by ``gaia train``.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def find_model(kind: str, model: str) -> Path:
             return Path(model)
     known = [name.removeprefix(f"{kind}-") for name in shipped if name.startswith(f"{kind}-")]
     raise ConfigError(
-        f"no model {model!r} of {kind}: neither a folder with {DESCRIPTION} nor one of "
+        f"no {kind} model {model!r}: neither a folder with {DESCRIPTION} nor one of "
         f"{', '.join(known) or 'none'}"
     )
 
@@ -90,7 +90,7 @@ def read_description(folder: Path) -> WindowModel | ZoneModel:
     Raises
     ------
     ConfigError
-        If it cannot be read, is damaged, or comes from another version of the format.
+        If it cannot be read, is corrupt, or comes from another version of the format.
     """
     path = folder / DESCRIPTION
     content = _read(path)
@@ -107,10 +107,10 @@ def read_description(folder: Path) -> WindowModel | ZoneModel:
             problem = f"{'.'.join(map(str, first['loc'])) or 'top level'}: {first['msg']}"
         else:
             problem = " ".join(str(error).split())
-        raise ConfigError(f"{path}: no description of a model: {problem}") from error
+        raise ConfigError(f"{path}: not a model description: {problem}") from error
     own = description.sha256.get(DESCRIPTION, _checksum(fields))
     if own != _checksum(fields) or set(description.sha256) - {ONNX, WEIGHTS, DESCRIPTION}:
-        raise ConfigError(f"{path}: damaged: its checksum is wrong")
+        raise ConfigError(f"{path}: corrupt: its checksum is wrong")
     return description
 
 
@@ -122,7 +122,7 @@ def _family(fields: Any) -> type[WindowModel] | type[ZoneModel]:
 
 
 def seal(description: Model, contents: Mapping[str, bytes]) -> Model:
-    """Return a description with the checksums of the files beside it, and with its own.
+    """Return a description with the checksums of the files next to it, and with its own.
 
     Parameters
     ----------
@@ -163,7 +163,9 @@ def read_file(folder: Path, name: str, description: ModelDescription) -> bytes:
     """
     content = _read(folder / name)
     if hashlib.sha256(content).hexdigest() != description.sha256.get(name):
-        raise ConfigError(f"{folder / name}: damaged, or not of this model: its checksum is wrong")
+        raise ConfigError(
+            f"{folder / name}: corrupt, or not part of this model: its checksum is wrong"
+        )
     return content
 
 
@@ -178,7 +180,7 @@ def read_weights(folder: Path, description: ModelDescription) -> dict[str, Array
     Raises
     ------
     ConfigError
-        If they cannot be read or are damaged.
+        If they cannot be read or are corrupt.
     """
     return unpack(read_file(folder, WEIGHTS, description), str(folder / WEIGHTS))
 
@@ -210,7 +212,7 @@ def unpack(content: bytes, source: str) -> dict[str, Array]:
     Raises
     ------
     ConfigError
-        If it is none, or damaged.
+        If it is not a safetensors file, or is corrupt.
     """
     from safetensors import SafetensorError
     from safetensors.numpy import load
@@ -219,7 +221,7 @@ def unpack(content: bytes, source: str) -> dict[str, Array]:
         found: dict[str, Array] = load(content)
     except (SafetensorError, ValueError, KeyError, TypeError) as error:
         raise ConfigError(
-            f"{source}: no safetensors file: {' '.join(str(error).split())}"
+            f"{source}: not a safetensors file: {' '.join(str(error).split())}"
         ) from error
     return found
 

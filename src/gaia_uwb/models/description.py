@@ -1,6 +1,6 @@
 """What a trained model is, in words and numbers: its kind, sizes, data and scores.
 
-Nothing here needs PyTorch: who runs a model reads this, and so does who trains one.
+Nothing here needs PyTorch: both running and training a model read this.
 """
 
 from __future__ import annotations
@@ -46,29 +46,31 @@ class GaiaArchitecture(Settings):
 
     kind: Literal["gaia"] = "gaia"
     base_hidden: _Width = 128
-    """Of the PoseMLP Base."""
+    """Width of the PoseMLP Base."""
     gru_hidden: _Width = 80
-    """H of each direction of the Temporal Refinement."""
+    """Width H of each direction of the Temporal Refinement."""
     layout_hidden: _Width = 128
     head_hidden: _Width = 128
-    """Of the Prediction Head."""
+    """Width of the Prediction Head."""
     dropout: float = Field(default=0.0, ge=0, lt=1)
     """Share of the Layout Head's inputs that are left out at random in training: the layout then
-    errs in training about as it does later, and the gate learns when to trust it."""
+    has about the errors in training that it has later, and the gate learns when to trust it."""
     layout_head: bool = True
-    """The paper's ablation "w/o Layout Head" has none, hence no layout to be trained on."""
+    """The paper's ablation "w/o Layout Head" has none, so it is not trained on a layout."""
     geo_dist: bool = True
-    """The paper's ablation "w/o GeoDist" trains the layout, but no distance follows from it."""
+    """The paper's ablation "w/o GeoDist" trains the layout, but derives no distances from it."""
     train_base: bool = False
     """The paper's ablation "Unfreeze PoseMLP Base" trains the base along with the rest."""
     causal: bool = False
-    """Look at the past, and at no more than ``look_ahead_steps`` of the future."""
+    """Use the past, and no more than ``look_ahead_steps`` of the future."""
     look_ahead_steps: int = Field(default=0, ge=0, le=1000)
 
     @model_validator(mode="after")
     def _looks_ahead_only_if_causal(self) -> GaiaArchitecture:
         if self.look_ahead_steps and not self.causal:
-            raise ValueError("look_ahead_steps is for causal networks only: the others see it all")
+            raise ValueError(
+                "look_ahead_steps is for causal networks only: the others see all steps"
+            )
         return self
 
 
@@ -80,39 +82,39 @@ class GaiaSetArchitecture(Settings):
 
     kind: Literal["gaia-set"] = "gaia-set"
     channels: _Width = 24
-    """C of the temporal encoder."""
+    """Channels C of the temporal encoder."""
     width: int = Field(default=64, ge=4, le=4096, multiple_of=4)
-    """D of a token."""
+    """Width D of a token."""
     layers: int = Field(default=2, ge=0, le=16)
-    """Of attention, in each round; without, every anchor is on its own."""
+    """Layers of attention in each round; with 0, every anchor is on its own."""
     rounds: int = Field(default=2, ge=1, le=8)
 
 
 ZONE_LONGEST_STEPS = 4096
-"""Steps that ``gaia-set`` takes at a time."""
+"""Most steps that ``gaia-set`` processes at a time."""
 ZONE_FARTHEST_M = 400.0
-"""How far from the middle of the path ``gaia-set`` knows its way."""
+"""The distance from the middle of the path that ``gaia-set`` was trained to handle."""
 ZONE_MOST_ANCHORS = 200
-"""Anchors that ``gaia-set`` takes at a time."""
+"""Most anchors that ``gaia-set`` processes at a time."""
 
 
 class ModelDescription(Settings):
     """All that is known of a trained model besides its weights: ``model.json``.
 
-    It is a :class:`WindowModel` or a :class:`ZoneModel`; this is what both say.
+    It is a :class:`WindowModel` or a :class:`ZoneModel`; these are the fields of both.
     """
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
     network: WindowArchitecture | GaiaSetArchitecture
     data: dict[str, Any]
-    """What it was trained on."""
+    """The training data."""
     training: WindowTrainingOptions | ZoneTrainingOptions
     metrics: dict[str, float]
     """Scores on the validation data."""
     version: str
-    """Of the package that trained it."""
+    """Version of the package that trained it."""
     sha256: dict[str, str] = Field(default_factory=dict)
-    """Checksums of the files beside this one, and of all else in this one."""
+    """Checksums of the files next to this one, and of everything else in this one."""
 
     @model_serializer(mode="wrap")
     def _own_first(self, serialise: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
@@ -122,7 +124,7 @@ class ModelDescription(Settings):
 
 
 class WindowModel(ModelDescription):
-    """A trained network of the paper's."""
+    """A trained network from the paper."""
 
     network: Annotated[WindowArchitecture, Field(discriminator="kind")]
     training: WindowTrainingOptions
@@ -135,8 +137,8 @@ class WindowModel(ModelDescription):
     sigma_m: float = Field(gt=0)
     """Root mean square range error on the validation data."""
     plausible_correction_m: float | None = Field(default=None, gt=0)
-    """Networks with a layout: a window that is corrected farther (``plausible_correction.py``) was
-    taken for one of another layout, and gets a running median instead."""
+    """Networks with a layout: a window that is corrected by more (``plausible_correction.py``) was
+    mistaken for another layout, and gets a running median instead."""
 
 
 class ZoneModel(ModelDescription):
@@ -154,7 +156,7 @@ class ZoneModel(ModelDescription):
     def _lengths_grow(self) -> ZoneModel:
         steps = [steps for steps, _ in self.variance_scales]
         if steps != sorted(set(steps)):
-            raise ValueError(f"variance_scales: expected numbers of steps that grow, got {steps}")
+            raise ValueError(f"variance_scales: expected increasing numbers of steps, got {steps}")
         return self
 
     def variance_scale(self, n_steps: int) -> float:

@@ -1,4 +1,4 @@
-"""Where a model of the paper's networks is at home: its units of length, and what it has seen."""
+"""The domain of a model of the paper's networks: its units of length, and what it has seen."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Domain(Settings):
         )
 
     def strange(self, episode: Episode) -> list[str]:
-        """Say in words what of an episode a model has not seen; nothing if it has seen all.
+        """Say in words how an episode differs from what a model has seen; nothing if it does not.
 
         Parameters
         ----------
@@ -86,11 +86,13 @@ class Domain(Settings):
         reasons = []
         share = self.outside_share(episode)
         if share > _STRANGE_SHARE:
-            reasons.append(f"{share:.0%} of the path lies outside the area of its training")
+            reasons.append(
+                f"{100 * share:.0f} % of the path lies outside the area that it was trained on"
+            )
         low, high = self.n_anchors
         if not low <= episode.n_anchors <= high:
             seen = f"{low}" if low == high else f"{low} to {high}"
-            reasons.append(f"it was trained with {seen} anchors, this log has {episode.n_anchors}")
+            reasons.append(f"it was trained on {seen} cones, this log has {episode.n_anchors}")
         return reasons
 
     def outside_share(self, episode: Episode) -> float:

@@ -2,7 +2,7 @@
 
 The origin is the mean of the path; x runs along its principal axis, in the direction of travel, and
 y to the left. Whatever is computed in this frame moves and turns with the scene. A mirrored scene
-has the same frame with y negated, so what treats left and right alike mirrors with the scene too.
+has the same frame with y negated, so anything that treats left and right alike mirrors with it.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class PathFrame:
 def road_parabola(path_m: Float64[Array, "B T 2"]) -> Float64[Array, "B 3"]:
     """Fit ``left = c0 + c1 along + c2 along^2`` to paths in their own frames.
 
-    It continues the road beyond what was driven: anchors stand beside it, not beside a chord.
+    It continues the road beyond what was driven: anchors stand along it, not along a chord.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
 """How far the ranges of a window are corrected, and how far is plausible.
 
-A network that knows some layouts by heart may mistake one for another. Then it moves all ranges of
+A network that has memorised some layouts may mistake one for another. Then it moves all ranges of
 an anchor together, and farther than the errors that it was trained on ever did; a few wrong ranges
-that it mends move no median. So the largest median correction of a window tells a mistaken layout.
+that it corrects move no median. So the largest median correction of a window reveals a mistaken
+layout.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ def needed_corrections_m(episodes: Sequence[Episode]) -> Float64[Array, "K"]:
     Parameters
     ----------
     episodes
-        Windows; those without their truth are passed over.
+        Windows; those without their truth are skipped.
     """
     return np.array(
         [

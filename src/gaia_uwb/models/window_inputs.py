@@ -30,7 +30,7 @@ class WindowInputs(NamedTuple):
 
 
 class WindowTargets(NamedTuple):
-    """What a network is trained towards, in metres."""
+    """The targets that a network is trained towards, in metres."""
 
     range_m: Float32[Array, "B T N"]
     """True slant ranges; 0 in channels without an anchor."""
@@ -134,7 +134,7 @@ def blend(
     windows
         Values of windows of equal length L.
     starts
-        Where each starts, such as :func:`window_starts` says.
+        Where each starts, as returned by :func:`window_starts`.
     n_steps
         Steps T of the series.
 
@@ -159,10 +159,10 @@ def _origin_m(normalisation: Normalisation) -> Float64[Array, "2"]:
 
 
 def _channels(episode: Episode, n_anchors: int) -> int:
-    """Return how many anchors an episode has, once that is known to be few enough."""
+    """Return how many anchors an episode has, if the model has a channel for each."""
     if episode.n_anchors > n_anchors:
         raise InputError(
-            f"the model has channels for {n_anchors} anchors, this log has {episode.n_anchors}",
+            f"the model has channels for {n_anchors} cones, this log has {episode.n_anchors}",
             source=episode.name,
         )
     return episode.n_anchors

@@ -1,7 +1,7 @@
 """What ``gaia-set`` sees of episodes: ranges and both places of every anchor, in the path's frame.
 
-The exact, robust solver (``multilateration.py``) gives each anchor two places before any network is
-asked, one on either side of the path. Nothing here depends on where a scene is, how it is turned,
+The exact, robust solver (``multilateration.py``) gives each anchor two places before any network
+runs, one on either side of the path. Nothing here depends on where a scene is, how it is turned,
 or in which order its anchors come.
 """
 
@@ -79,7 +79,7 @@ def zone_readings(episodes: Sequence[Episode]) -> ZoneReadings:
     Parameters
     ----------
     episodes
-        At least one; their truth is not looked at.
+        At least one; their truth is not used.
     """
     unknown = [e.tag_up_m is None or e.anchor_up_m is None for e in episodes]
     return ZoneReadings(

@@ -107,14 +107,14 @@ def _heights(episode: Episode) -> Float64[Array, "N"]:
 
 
 def correlation_lag(episode: Episode, correlation_s: float) -> int:
-    """Return over how many steps errors may be alike, at most a quarter of the episode.
+    """Return over how many steps errors may be correlated, at most a quarter of the episode.
 
     Parameters
     ----------
     episode
         Gives the time step.
     correlation_s
-        Errors further apart than this are taken as independent, in seconds.
+        Errors further apart than this count as independent, in seconds.
     """
     if episode.n_steps < 2:
         return 1
@@ -202,7 +202,7 @@ def with_prior(
 ) -> Float64[Array, "B n 3 3"]:
     """Add the own bias's prior to normal matrices, or hold the bias where its precision is 0.
 
-    A degenerate anchor gets a ridge, so that its matrix can be inverted beside the others'.
+    A degenerate anchor gets a ridge, so that its matrix can be inverted along with the others.
     """
     out = jj.copy()
     held = precision <= 0

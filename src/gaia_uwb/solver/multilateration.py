@@ -10,15 +10,16 @@ height gap ``h_t`` (tag antenna minus anchor)::
    source localization problems", 2008), so no guess is needed. It is solved twice, the second time
    with weights under which outliers have no say.
 2. *Refinement.* e_t is Student-t (or Gaussian: weighted least squares); place, bias and scale are
-   found by maximum likelihood. Ranges along a straight line fit the anchor's mirror image beside it
-   as well as the anchor, so the reflection of what was found in the path's principal axis is
-   refined too: two hypotheses, each with its likelihood. ``sides.py`` chooses.
+   found by maximum likelihood. Ranges along a straight line fit the anchor's mirror position as
+   well as the anchor, so the reflection of the solution in the path's principal axis is also
+   refined: two hypotheses, each with its likelihood. ``sides.py`` chooses.
 3. *Covariance.* Errors of neighbouring ranges are alike (a body in the way, multipath, the clock),
-   so the information matrix alone promises too much. The sandwich estimate with the long-run
-   variance of the score (Newey and West, 1987) counts what the ranges are really worth.
+   so the information matrix alone is too optimistic. The sandwich estimate with the long-run
+   variance of the score (Newey and West, 1987) accounts for what the ranges are really worth.
 
-Problems never meet: solving many together gives what each alone gives, to the last bit, and a
-degenerate anchor or a NaN stays its own problem. The inner loop is compiled (``_solver.c``).
+Problems do not affect each other: solving many together gives what each alone gives, to the last
+bit, and a degenerate anchor or a NaN stays its own problem. The inner loop is compiled
+(``_solver.c``).
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ _SYMMETRIC = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """What the compiled loop needs to know; :class:`gaia_uwb.config.SolverConfig` fills it.
+    """Settings of the compiled loop; :class:`gaia_uwb.config.SolverConfig` fills it.
 
     Parameters
     ----------
@@ -55,9 +56,9 @@ class SolverOptions:
     tolerance
         Converged when a step is shorter than this many standard errors; it is still taken.
     max_iterations
-        Give up (status ``not-converged``) after so many steps.
+        Give up (status ``not-converged``) after this many steps.
     max_lag
-        Neighbouring ranges up to so many steps apart may err alike.
+        Ranges up to this many steps apart may have correlated errors.
     min_ranges
         A problem with fewer usable ranges is not solved.
     """
@@ -129,7 +130,7 @@ def solve(
         one whose range, sigma, position or height is NaN or beyond a million kilometres.
     height_m : ((B, T), (B, N)), optional
         Heights of the tag's antenna and of the anchors, in metres; NaN where an anchor's height is
-        unknown (then its ranges are taken as horizontal).
+        unknown (then its ranges count as horizontal).
     bias_sigma_m : (B, N) or float
         Prior standard deviation of each anchor's range bias, in metres; 0 for no bias.
     options
