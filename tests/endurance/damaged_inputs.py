@@ -7,7 +7,7 @@ The second form runs one case and shows its traceback.
 
 Every case damages a fresh copy of a good input (``tests/helpers/damage.py``) and then does what
 the command does that takes it (``tests/helpers/readers.py``: ``gaia data check`` for a log); every
-twentieth that is still readable is put to use as well (a log is reconstructed). A case counts as
+twentieth that is still readable is also used (a log is reconstructed). A case counts as
 bad where another exception than ours comes out, anything is printed on stderr (a warning, a
 library's stack trace), the text is not one printable line, the process dies, or it takes more than
 5 s of processor time or hangs. Memory is the peak of the whole process that read all of a reader's

@@ -52,10 +52,10 @@ def local_line(
     Parameters
     ----------
     t_s, value_m : (T, C)
-        Times and readings; NaN is left out.
+        Times and readings; NaN is ignored.
     half
         Number of readings used before and after the step; at the ends the window stays inside,
-        so that a burst there is a minority as well.
+        so that a burst there is also a minority.
     sloped
         Estimate the slope; otherwise it is 0.
 

@@ -48,7 +48,7 @@ def track(
     Parameters
     ----------
     t_s, value_m : (T, C)
-        Times and readings; NaN is left out.
+        Times and readings; NaN is ignored.
     line
         Where the filter starts, and starts again after ``max_coast_s`` without a good reading.
     motion

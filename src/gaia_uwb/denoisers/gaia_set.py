@@ -176,7 +176,7 @@ def _padded(part: DenoisedRanges, heard: slice, episode: Episode) -> DenoisedRan
 
 
 def _as_measured(episode: Episode) -> DenoisedRanges:
-    """Return what was measured, where there is no path to speak of."""
+    """Return the ranges as measured, for an episode without a real path."""
     sigma_m = np.where(episode.valid, 1.0, np.nan)
     return DenoisedRanges(range_m=episode.range_m, sigma_m=sigma_m, valid=episode.valid)
 

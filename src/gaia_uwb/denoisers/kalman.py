@@ -32,7 +32,7 @@ class KalmanOptions(TrackOptions):
     """Options of ``kalman``."""
 
     acceleration_density_m2ps3: float = Field(default=1.0, gt=0, le=1e6)
-    """Power density of the range's white acceleration, in (m/s^2)^2/Hz. It covers the curve of
+    """Power density of the range's white acceleration, in (m/s²)²/Hz. It covers the curve of
     the range while passing: about 1 at 1 m/s and a distance of 1 m."""
 
 
@@ -43,7 +43,7 @@ class Kalman(ColumnDenoiser):
     earlier ones, and by the filter's innovations. The filter starts on that line, so a spike as the
     first reading does no harm, and it starts afresh when it has accepted no reading for
     ``max_coast_s``; the steps it lost are marked not valid. That happens to a fast vehicle where it
-    passes an anchor: 20 m/s at 5 m means 80 m/s^2. ``pose-kalman`` models that curve.
+    passes an anchor: 20 m/s at 5 m means 80 m/s². ``pose-kalman`` models that curve.
 
     Examples
     --------
@@ -74,7 +74,7 @@ def track_columns(
     Parameters
     ----------
     t_s, value_m : (T, C)
-        Times and readings; NaN is left out.
+        Times and readings; NaN is ignored.
     acceleration_density_m2ps3
         Power density of the white acceleration.
     options

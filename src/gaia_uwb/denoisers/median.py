@@ -34,7 +34,7 @@ class MedianOptions(GateOptions):
 
 
 class Median(ColumnDenoiser):
-    """Replace each reading by the median of its neighbours, spikes left out.
+    """Replace each reading by the median of its neighbours, without spikes.
 
     Readings are moved along the local slope first, so a ramp leaves no lag and no bias at the ends.
     Sigma follows the local spread of the readings: it grows where the range bends within a window,

@@ -22,7 +22,7 @@ class PoseKalmanOptions(TrackOptions):
 
     offset_acceleration_density_m2ps3: float = Field(default=0.03, gt=0, le=1e6)
     """Power density of the white acceleration of the offset between the measured range and the one
-    that the pose predicts, in (m/s^2)^2/Hz."""
+    that the pose predicts, in (m/s²)²/Hz."""
 
 
 class PoseKalman(ColumnDenoiser):

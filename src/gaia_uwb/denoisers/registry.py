@@ -102,7 +102,7 @@ def make_denoiser(name: str, options: Mapping[str, Any] | None = None) -> Denois
         Like that of :func:`denoiser_class`; for a trained network also ``NAME:MODEL``, which sets
         its option ``model``.
     options
-        Values of its options; what is left out keeps its default.
+        Values of its options; the others keep their defaults.
 
     Raises
     ------

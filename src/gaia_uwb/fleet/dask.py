@@ -47,7 +47,7 @@ class _Terms:
     out
         The folder for all results.
     witness
-        A file in it that is there as long as the work goes on.
+        A file in it that exists as long as the work continues.
     """
 
     version: str
@@ -100,7 +100,7 @@ def _connected(address: str) -> Iterator[Client]:
         raise ConfigError("--scheduler needs the extra 'fleet': pip install 'gaia-uwb[fleet]'")
     from distributed import Client
 
-    # Dask's client waits without end for something that is no scheduler, as a web server.
+    # Dask's client waits without end for something that is not a scheduler, such as a web server.
     with ThreadPoolExecutor(1) as thread:  # this one may have a loop already, as in a notebook
         problem = thread.submit(asyncio.run, _problem_at(address)).result()
     if problem is not None:
@@ -119,7 +119,7 @@ def _connected(address: str) -> Iterator[Client]:
 
 
 async def _problem_at(address: str) -> str | None:
-    """Say why an address is not that of a scheduler that answers, or None."""
+    """Say why there is no scheduler that answers at an address, or None."""
     from distributed import Security, rpc
 
     settings = Security().get_connection_args("client")
@@ -161,7 +161,7 @@ def _lost_is_an_error(address: str) -> Iterator[None]:
 
 
 def _check_all(client: Client, address: str, terms: _Terms) -> None:
-    """Ask the scheduler, which reads tasks as well, and all workers whether they are fit."""
+    """Check the scheduler, which also reads tasks, and all workers."""
     try:
         client.wait_for_workers(1, timeout=_ANSWER_S)
     except TimeoutError as error:
@@ -195,7 +195,7 @@ def _other_version(found: str | Exception, terms: _Terms) -> str | None:
 
 
 def _problem(terms: _Terms, dask_worker: Any) -> str | None:
-    """Say why the worker that this runs on is not fit for the work, or None.
+    """Say why the worker that this runs on is not suitable, or None.
 
     Libraries that it has not loaded yet get one thread.
     """

@@ -81,7 +81,7 @@ class Table:
 def read_table(
     path: Path, required: Mapping[str, Kind], optional: Mapping[str, Kind] | None = None
 ) -> Table:
-    """Read the columns of a CSV or Parquet file (told apart by the name's ending).
+    """Read the columns of a CSV or Parquet file (recognised by the name's ending).
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def _read_csv(path: Path, kinds: Mapping[str, Kind]) -> Any:
 
 
 def _check_length(path: Path) -> None:
-    """Refuse a text file with too many rows; a small file is not even looked at."""
+    """Refuse a text file with too many rows; a small file is not even opened."""
     if path.stat().st_size <= _CHUNK_BYTES:
         return
     n_rows = 0

@@ -2,7 +2,7 @@
 
 The package carries a manifest per data set (``outdoor-uwb.json``): where the files are, by commit,
 and their SHA-256. A file has its final name only once it is complete and right, so that an
-interrupted download goes on where it stopped, and a folder never holds half a file; what a killed
+interrupted download resumes where it stopped, and a folder never holds half a file; what a killed
 download left under temporary names is removed by the next one.
 """
 

@@ -61,7 +61,7 @@ def read_dwm1001(path: Path, options: StampOptions | None = None) -> tuple[LogTa
     Raises
     ------
     InputError
-        If the file cannot be read or holds no ranges.
+        If the file cannot be read or contains no ranges.
     """
     rows = LogRows(path, ("t_s", "range_m"))
     count = _read(path, rows, Stamps(options))

@@ -139,7 +139,7 @@ def read_episodes(folder: Path) -> Iterator[Episode]:
     Raises
     ------
     SourceError
-        If the folder holds no episodes.
+        If the folder contains no episodes.
     InputError
         If a part cannot be read, lacks a column, or holds something that is not an episode.
     """

@@ -69,7 +69,7 @@ def read_nmea(
     Raises
     ------
     InputError
-        If the file cannot be read or holds no GGA sentence with a fix.
+        If the file cannot be read or contains no GGA sentence with a fix.
     """
     rows = LogRows(path, ("t_s", "lat", "lon", "alt_m"))
     count = _Count()

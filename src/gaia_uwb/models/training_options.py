@@ -33,17 +33,17 @@ class WindowTrainingOptions(Settings):
     """This share of the ranges of the training batches is replaced by random values between 0 and
     the batch's longest range."""
     reverse: bool = False
-    """Reverse every other training episode in time: that is a valid drive, too."""
+    """Reverse every other training episode in time: that is also a valid drive."""
     huber_delta_m: float = Field(default=1.0, gt=0)
     """Range errors beyond this count linearly."""
     nlos_weight: float = Field(default=1.0, ge=0)
     """Weight of ranges without line of sight in the masked loss; with line of sight it is 1."""
     layout_weight: float = Field(default=0.02, ge=0)
-    """Weight lambda 1 of the layout loss, per m^2."""
+    """Weight lambda 1 of the layout loss, per m²."""
     consistency_weight: float = Field(default=0.1, ge=0)
-    """Weight lambda 2 of the consistency loss, per m^2."""
+    """Weight lambda 2 of the consistency loss, per m²."""
     anchor_weight: float = Field(default=0.05, ge=0)
-    """Weight lambda 3 of the anchor-level loss, per m^2."""
+    """Weight lambda 3 of the anchor-level loss, per m²."""
     anchor_stride: int = Field(default=4, ge=1)
     """The anchor-level loss takes every n-th step."""
     anchor_huber_m: float = Field(default=5.0, gt=0)

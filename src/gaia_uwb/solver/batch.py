@@ -65,7 +65,7 @@ def chunks(
     episodes
         Paths and heights; all have the same numbers of steps and anchors.
     range_m, sigma_m
-        Ranges and their standard deviations of each episode; NaN is left out.
+        Ranges and their standard deviations of each episode; NaN is ignored.
     """
     first = episodes[0]
     position_m = np.stack([e.position_m for e in episodes])

@@ -126,7 +126,7 @@ def solve(
     range_m : (B, N, T)
         Slant ranges, in metres.
     sigma_m : (B, N, T) or float
-        Standard deviations, in metres; a range whose sigma is not above 0 is left out, and so is
+        Standard deviations, in metres; a range whose sigma is not above 0 is ignored, and so is
         one whose range, sigma, position or height is NaN or beyond a million kilometres.
     height_m : ((B, T), (B, N)), optional
         Heights of the tag's antenna and of the anchors, in metres; NaN where an anchor's height is

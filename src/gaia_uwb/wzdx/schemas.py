@@ -39,7 +39,7 @@ class OfficialSchemas:
     Raises
     ------
     ConfigError
-        If jsonschema is not installed, there is no such folder, or no schema in it.
+        If jsonschema is not installed, or the folder does not exist or contains no schema.
     InputError
         If a file is not JSON.
     """

@@ -164,7 +164,7 @@ def stretch(path_m: Float64[Array, "T 2"], from_m: float, to_m: float) -> Float6
     Returns
     -------
     (P, 2)
-        East and north, in metres; fewer than two points where there is no way between the ends.
+        East and north, in metres; fewer than two points if the path has no length between the ends.
     """
     from shapely import LineString, get_coordinates
 

@@ -41,7 +41,7 @@ def validate_files(
     paths
         Files with one feed each.
     schemas
-        The official schemas, checked as well.
+        The official schemas, also checked.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def validate_document(document: Any, schemas: OfficialSchemas | None = None) -> 
     document
         Plain JSON values.
     schemas
-        The official schemas, checked as well.
+        The official schemas, also checked.
 
     Returns
     -------

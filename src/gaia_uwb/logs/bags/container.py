@@ -91,7 +91,7 @@ class Bag:
         Raises
         ------
         InputError
-            If the file is damaged.
+            If the file is corrupt.
         """
         for inside in (False, True):
             if not self.channels:
@@ -104,7 +104,7 @@ class Bag:
         Raises
         ------
         InputError
-            If the file is damaged: the message names the byte.
+            If the file is corrupt: the message names the byte.
         """
         raise NotImplementedError
 
@@ -152,7 +152,7 @@ def unpack(compression: str, data: bytes, size: int) -> bytes:
     Raises
     ------
     ValueError
-        If the bytes are damaged or do not have that size.
+        If the bytes are corrupt or do not have that size.
     """
     if compression in {"", "none"}:
         unpacked = data
@@ -174,7 +174,7 @@ def unpack_message(data: bytes) -> bytes:
     Raises
     ------
     Exception
-        Of the library, if the bytes are damaged.
+        From the library, if the bytes are corrupt.
     """
     from backports import zstd
 

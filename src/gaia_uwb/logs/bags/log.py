@@ -93,7 +93,7 @@ def walk(bag: Bag, wanted: set[int]) -> Iterator[Message]:
 
 
 def open_bag(path: Path) -> Bag:
-    """Return the reader of a file, told by its ending, not yet scanned.
+    """Return the reader of a file, chosen by its ending, not yet scanned.
 
     Raises
     ------
