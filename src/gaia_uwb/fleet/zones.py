@@ -83,7 +83,7 @@ class ZoneResult:
     failures: tuple[Failure, ...]
 
     @classmethod
-    def failed(cls, zone: Zone, problem: str) -> ZoneResult:
+    def failed(cls, zone: ZoneLogs, problem: str) -> ZoneResult:
         """Return the result of a zone without one: failed, and why.
 
         Parameters
