@@ -37,7 +37,7 @@ def test_settings_and_data_folder_are_handed_on(tmp_path: Path) -> None:
 
 
 def test_several_logs_are_not_one() -> None:
-    with pytest.raises(SourceError, match=r"holds 7 logs, so name one of .*/4 and 2 more"):
+    with pytest.raises(SourceError, match=r"contains 7 logs; choose one of .*/4 and 2 more"):
         gaia_uwb.read("sim:lane-closure/0/7")
 
 
@@ -136,7 +136,7 @@ def test_a_data_set_that_is_not_here(tmp_path: Path) -> None:
         ("outdoor", "neither a folder nor one of outdoor-uwb, sim"),
         ("nothing:part", "nothing:part: neither a folder nor one of"),
         ("x" * 300, "cannot be read: File name too long"),
-        (__file__, "is a file; name the folder that holds trajectory and ranges"),
+        (__file__, "is a file; give the folder with trajectory and ranges"),
     ],
 )
 def test_names_that_lead_nowhere(source: str, message: str) -> None:

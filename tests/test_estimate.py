@@ -50,8 +50,8 @@ def test_an_anchor_without_position() -> None:
         ({"position_m": np.zeros(3)}, r"position_m: expected shape \(2,\), got \(3,\)"),
         ({"covariance_m2": np.zeros(2)}, r"covariance_m2: expected shape \(2, 2\)"),
         ({"mirror_position_m": np.zeros(1)}, "mirror_position_m: expected shape"),
-        ({"position_m": NOWHERE}, "'cone-1'.*does not go with the status 'ok'"),
-        ({"status": AnchorStatus.TOO_FEW_RANGES}, "with the status 'too-few-ranges'"),
+        ({"position_m": NOWHERE}, "'cone-1'.*contradicts the status 'ok'"),
+        ({"status": AnchorStatus.TOO_FEW_RANGES}, "contradicts the status 'too-few-ranges'"),
         ({"mirror_probability": 1.5}, "expected a probability, got 1.5"),
         ({"mirror_probability": float("nan")}, "expected a probability, got nan"),
     ],
@@ -67,8 +67,8 @@ def test_a_fix_refuses(changes: dict, message: str) -> None:
         ({"hull_m": np.zeros((3, 3))}, r"hull_m: expected shape \(3, 2\), got \(3, 3\)"),
         ({"outline_m": np.zeros((3, 1))}, "outline_m: expected shape"),
         ({"outline_index": (0, 1)}, "expected 3 indices, got 2"),
-        ({"area_m2": 0.0}, "area 0.0 m2 does not go with the status 'ok'"),
-        ({"status": BoundaryStatus.COLLINEAR}, "area 2.0 m2 does not go with.*'collinear'"),
+        ({"area_m2": 0.0}, "area 0.0 m² contradicts the status 'ok'"),
+        ({"status": BoundaryStatus.COLLINEAR}, "area 2.0 m² contradicts.*'collinear'"),
     ],
 )
 def test_a_boundary_refuses(changes: dict, message: str) -> None:

@@ -8,7 +8,13 @@ from drives_past import with_moved_anchor
 from gaia_uwb._shared.errors import ConfigError, InputError
 from gaia_uwb.config import PipelineConfig, PriorConfig, SidesConfig, SolverConfig, make_config
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, ReasonKind
-from gaia_uwb.pipeline import prepare, reconstruct, reconstruct_episodes, reconstruct_passes
+from gaia_uwb.pipeline import (
+    _listed,
+    prepare,
+    reconstruct,
+    reconstruct_episodes,
+    reconstruct_passes,
+)
 from gaia_uwb.reconstruction import ReconstructionStatus
 from gaia_uwb.scene import RangeLog, Scene, Trajectory, Truth
 from gaia_uwb.simulate import PRESETS, find_preset, simulate_episodes, simulate_zone
@@ -104,9 +110,8 @@ def test_a_straight_path_is_unreliable_and_says_so():
     result = reconstruct(make_scene(CONES[:2], bend_m=0.0), RAW)
     assert result.status is ReconstructionStatus.UNRELIABLE
     assert tuple(map(str, result.reasons)) == (
-        "anchors cone-0, cone-1: side unknown: the mirror image across the path fits nearly as "
-        "well",
-        "fewer than three anchors were located, so there is no boundary",
+        "both cones: side ambiguous: the mirror position fits almost as well",
+        "fewer than three cones were located, so there is no boundary",
     )
 
 
@@ -115,7 +120,7 @@ def test_an_anchor_hardly_heard_is_named():
     assert result.anchors[-1].status is AnchorStatus.TOO_FEW_RANGES
     (reason,) = result.reasons
     assert (reason.kind, reason.cones) == (ReasonKind.TOO_FEW_RANGES, ("cone-4",))
-    assert str(reason) == "anchor cone-4: too few usable ranges to locate it"
+    assert str(reason) == "cone-4: too few usable ranges"
     assert len(result.boundary.outline_index) == 4
 
 
@@ -123,8 +128,10 @@ def test_many_anchors_are_not_all_listed():
     cones = np.column_stack([np.linspace(2.0, 38.0, 8), np.full(8, 6.0)])
     config = RAW.model_copy(update={"solver": SolverConfig(ill_conditioned_above_m=1e-3)})
     result = reconstruct(make_scene(cones), config)
-    expected = "anchors cone-0, cone-1, cone-2, cone-3, cone-4 and 3 more: the ranges fix"
-    assert any(str(reason).startswith(expected) for reason in result.reasons)
+    expected = "all 8 cones: position poorly determined in at least one direction"
+    assert expected in map(str, result.reasons)
+    ids, n_all = [f"cone-{k}" for k in range(8)], 9
+    assert _listed(ids, n_all) == "cone-0, cone-1, cone-2, cone-3, cone-4 and 3 more"
 
 
 def test_what_cannot_be_done_is_said():
@@ -245,7 +252,7 @@ def test_what_is_wrong_with_one_pass_names_it():
     reasons = reconstruct([near, wrong], RAW).reasons
     (bias,) = [reason for reason in reasons if reason.kind is ReasonKind.RANGE_BIAS]
     assert bias.passes == (far.name,)
-    assert bias.text.startswith(f"{far.name}: the range bias came out at")
+    assert bias.text.startswith(f"{far.name}: range bias of")
     assert f"{bias.numbers['bias_m']:+.2f} m" in bias.text
     assert not any(near.name in reason.passes for reason in reasons)
 

@@ -41,10 +41,10 @@ def test_frames_anywhere_on_earth(lat_lon_alt: tuple[float, float, float]) -> No
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"lat_deg": 90.1}, r"lat_deg: expected a number within \+-90, got 90.1"),
-        ({"lon_deg": -181.0}, "lon_deg: expected a number within"),
-        ({"alt_m": float("inf")}, "alt_m: expected a number within"),
-        ({"lat_deg": float("nan")}, "lat_deg: expected a number within"),
+        ({"lat_deg": 90.1}, r"lat_deg: expected a number between -90 and 90, got 90.1"),
+        ({"lon_deg": -181.0}, "lon_deg: expected a number between"),
+        ({"alt_m": float("inf")}, "alt_m: expected a number between"),
+        ({"lat_deg": float("nan")}, "lat_deg: expected a number between"),
     ],
 )
 def test_frames_off_earth(changes: dict, message: str) -> None:
@@ -160,7 +160,7 @@ def test_a_truth_refuses(changes: dict, message: str) -> None:
         ({"anchor_ids": ("a", "a")}, "pass, column anchor_id: anchor ids must be unique"),
         (
             {"anchor_ids": ("a",)},
-            "pass, column anchor: a reading points to anchor 1, but there are",
+            "pass, column anchor: a reading refers to anchor 1, but there are",
         ),
         ({"anchor_up_m": np.zeros(3)}, r"pass, column anchor_up_m: expected shape \(2,\)"),
         ({"anchor_up_m": np.array([1.0, np.inf])}, "pass, row 2, column anchor_up_m: .*infinity"),

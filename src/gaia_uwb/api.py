@@ -44,7 +44,7 @@ def reconstruct(
     log
         A :class:`Scene`, or what :func:`read` takes: the place of a log, the name of a part of a
         data set, or a simulated pass such as ``"sim:lane-closure"``. A list of these are passes of
-        one zone, which are fused. Their truth is not looked at.
+        one zone, which are fused. Their truth is not used.
     config
         All settings.
     data_dir
@@ -54,8 +54,8 @@ def reconstruct(
     -------
     Reconstruction
         Ranges, anchors and boundary; positions are east and north in metres in the log's local
-        frame, of several logs in that of the first by name. ``status`` says whether the boundary
-        can be relied upon, and ``reasons`` why not.
+        frame (with several logs, that of the first by name). ``status`` says whether the boundary
+        can be relied upon, and ``reasons`` says why not.
 
     Raises
     ------
@@ -74,9 +74,9 @@ def reconstruct(
     >>> result.status.value
     'unreliable'
     >>> print(result.anchors[0].status.message)
-    side unknown: the mirror image across the path fits nearly as well
+    side ambiguous: the mirror position fits almost as well
 
-    A second pass in another lane settles the sides:
+    A second pass in another lane resolves the sides:
 
     >>> from gaia_uwb.simulate import PRESETS, simulate_zone
     >>> result = gaia_uwb.reconstruct(simulate_zone(PRESETS["straight"], seed=0))
@@ -127,7 +127,7 @@ def read(source: str | Path, *, data_dir: Path | None = None) -> Scene:
     if len(scenes) > 1:
         names = ", ".join(scene.name for scene in scenes[:5])
         more = f" and {len(scenes) - 5} more" if len(scenes) > 5 else ""
-        raise SourceError(f"{source}: holds {len(scenes)} logs, so name one of {names}{more}")
+        raise SourceError(f"{source}: contains {len(scenes)} logs; choose one of {names}{more}")
     return scenes[0]
 
 
@@ -139,7 +139,7 @@ def load_scenes(source: str | Path, *, data_dir: Path | None = None) -> list[Sce
     source
         A log (a folder in GAIA's own format, a folder with a ``gaia.yaml``, a ROS 2 folder, a
         ``.bag`` or ``.mcap`` file) or a folder of logs; or the name of a data set or the simulator,
-        and a part of it after a colon. A ``Path`` is never taken for a name.
+        and a part of it after a colon. A ``Path`` is never read as a name.
     data_dir
         Folder that holds the data sets, see :func:`gaia_uwb.logs.data_folder`.
 
@@ -182,7 +182,7 @@ def load_scenes(source: str | Path, *, data_dir: Path | None = None) -> list[Sce
 def load_readable(
     source: str, *, data_dir: Path | None = None
 ) -> tuple[list[Scene], list[GaiaError]]:
-    """Load what can be read of the logs in a folder; the errors of the others come beside it.
+    """Load the readable logs in a folder, and return the errors of the others with them.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def read_log(path: Path) -> tuple[Scene, tuple[str, ...]]:
     Returns
     -------
     (Scene, tuple of str)
-        The log, and notes on what was left out or guessed.
+        The log, and notes on what was skipped or guessed.
 
     Raises
     ------
@@ -248,7 +248,7 @@ def logs_of(source: str) -> list[Path]:
         If there is no such place, or it cannot be read.
     """
     if not source.strip():
-        raise SourceError("expected a log or a name as source, got nothing")
+        raise SourceError("expected a log or a name, got nothing")
     try:
         return _logs_at(Path(source), source)
     except OSError as error:
@@ -259,7 +259,7 @@ def _logs_at(path: Path, source: str) -> list[Path]:
     if is_described(path):
         return [path]
     if path.is_file():
-        problem = "is a file; name the folder that holds trajectory and ranges, or a .bag or .mcap"
+        problem = "is a file; give the folder with trajectory and ranges, or a .bag or .mcap file"
         raise SourceError(f"{source}: {problem}")
     if not path.is_dir():
         known = ", ".join([*REGISTRY, SIMULATOR])

@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from gaia_uwb._shared import ConfigError, printable, read_yaml, shortened, shown
 
 LONGEST_NAME = 400
-"""Characters of a scene's name in a file; all results and messages repeat it."""
+"""Longest name of a scene in a file, in characters; all results and messages repeat it."""
 
 _MOST_PROBLEMS = 5
 
@@ -34,65 +34,69 @@ class AlignmentConfig(Settings):
     """How ranges and trajectory are brought onto one timeline (``timeline.py``)."""
 
     clock_offset: Literal["auto", "off"] = "auto"
-    """Estimate the offset between the two clocks, or trust both as they are."""
+    """Whether to estimate the offset between the two clocks, or trust both as they are."""
     max_clock_offset_s: float = Field(default=2.0, ge=0.1, le=60)
-    """Offsets are looked for within plus and minus this."""
+    """Largest clock offset that is searched, in either direction."""
     clock_offset_sigma_s: float = Field(default=0.5, gt=0, le=60)
-    """What is known of the offset beforehand: its standard deviation about 0."""
+    """Prior standard deviation of the clock offset, about 0."""
     error_correlation_s: float = Field(default=8.0, gt=0, le=600)
-    """Errors of ranges further apart than this are taken as independent."""
+    """Errors of ranges further apart than this are treated as independent."""
     gate: bool = True
-    """Remove spikes (short bursts far off their neighbours)."""
+    """Whether to remove spikes (short bursts far from their neighbours)."""
     max_gap_s: float = Field(default=1.0, gt=0, le=60)
-    """Between two readings of an anchor at most this far apart, ranges are interpolated
-    (``linear``); a reading serves at most half of this before and after it (``nearest``)."""
+    """Longest gap between two readings of an anchor that is interpolated (``linear``); with
+    ``nearest``, a reading is used up to half of this before and after it."""
     max_pose_gap_s: float = Field(default=1.5, gt=0, le=60)
-    """Between two samples of the trajectory at most this far apart, poses are interpolated."""
+    """Longest gap between two samples of the trajectory that is interpolated."""
     resample: Literal["linear", "nearest"] = "linear"
-    """How a range is carried from its own time to the timeline."""
+    """How ranges are resampled onto the timeline."""
 
 
 class CalibrationConfig(Settings):
     """How the radios' range bias is estimated from a whole log (``calibration.py``)."""
 
     range_bias: Literal["auto", "off"] = "auto"
-    """Estimate and subtract the bias that all anchors share, or take ranges as they are."""
+    """Whether to estimate and subtract the bias that all anchors share, or use ranges as they
+    are."""
     bias_sigma_m: float = Field(default=0.2, ge=0, le=10)
-    """Bias at 10 m: prior standard deviation about 0."""
+    """Prior standard deviation, about 0, of the bias at 10 m."""
     bias_slope_sigma_m: float = Field(default=0.25, ge=0, le=10)
-    """Growth of the bias with every factor of ten in range: prior standard deviation about 0."""
+    """Prior standard deviation, about 0, of the bias's growth per factor of ten in range."""
 
 
 class SolverConfig(Settings):
     """How anchors are located from their ranges (``hypotheses.py``)."""
 
     kind: Literal["robust", "wls"] = "robust"
-    """``robust``: ours, no labels. ``wls``: the paper's weighted least squares."""
+    """``robust``: GAIA's own solver, without labels. ``wls``: the paper's weighted least
+    squares."""
     min_ranges: int = Field(default=4, ge=3, le=1_000_000)
     """An anchor with fewer usable ranges is not located."""
     student_t_dof: float = Field(default=4.0, ge=1.0, le=100.0)
-    """Tails of the errors: degrees of freedom of the Student-t."""
+    """Degrees of freedom of the Student-t distribution that models the errors' tails."""
     error_correlation_s: float = Field(default=8.0, gt=0, le=600)
-    """Errors of ranges further apart than this are taken as independent."""
+    """Errors of ranges further apart than this are treated as independent."""
     anchor_bias_sigma_m: float = Field(default=0.05, ge=0, le=10)
-    """Range bias of an anchor beside what all share (antenna delay): prior standard deviation."""
+    """Prior standard deviation of an anchor's own range bias, in addition to the shared one
+    (antenna delay)."""
     position_floor_m: float = Field(default=0.025, ge=0, le=10)
-    """What no number of ranges improves (antenna phase centres, survey): standard deviation."""
+    """Standard deviation that no number of ranges reduces (antenna phase centres, survey)."""
     ill_conditioned_above_m: float = Field(default=2.0, gt=0, le=1e6)
-    """An anchor whose standard deviation along the worst direction exceeds this is flagged."""
+    """An anchor whose standard deviation in the worst direction exceeds this is flagged."""
 
 
 class SidesConfig(Settings):
-    """How mirror sides are decided jointly over the anchors of a scene (``sides.py``)."""
+    """How the sides of a scene's anchors are decided jointly (``sides.py``)."""
 
     joint: bool = True
-    """Decide jointly; otherwise each anchor takes the side that fits its own ranges better."""
+    """Whether to decide jointly; otherwise each anchor takes the side that fits its own ranges
+    better."""
     ambiguous_above: float = Field(default=0.1, gt=0, lt=0.5)
-    """An anchor whose mirror image keeps more than this probability is called ambiguous."""
+    """An anchor whose mirror position has more than this probability is called ambiguous."""
 
 
 class KnownAnchor(Settings):
-    """A cone whose place was surveyed: in the local frame, or on Earth (WGS84)."""
+    """A surveyed cone: its position in the local frame or in WGS84."""
 
     anchor_id: str
     east_m: float | None = None
@@ -100,7 +104,7 @@ class KnownAnchor(Settings):
     lat_deg: float | None = Field(default=None, ge=-90, le=90)
     lon_deg: float | None = Field(default=None, ge=-180, le=180)
     sigma_m: float = Field(default=0.1, gt=0, le=100)
-    """Standard deviation of each coordinate, the frames' disagreement included."""
+    """Standard deviation of each coordinate, including the disagreement between frames."""
 
     @model_validator(mode="after")
     def _check(self) -> KnownAnchor:
@@ -115,28 +119,29 @@ class PriorConfig(Settings):
     """What is known of the zone before the drive (``known_facts.py``); nothing by default."""
 
     side: Literal["left", "right"] | None = None
-    """All cones stand on this side of the path, in the direction of travel."""
+    """All cones are on this side of the path, in the direction of travel."""
     closure: (
         Literal[
             "lane-closure", "shoulder-closure", "lane-shift", "mobile-operation", "median-crossover"
         ]
         | None
     ) = None
-    """Kind of closure: all but the last one say that the cones stand on one side, whichever."""
+    """Type of closure: all but the last one imply that the cones are all on one side, left or
+    right."""
     spacing_m: float | None = Field(default=None, gt=0, le=1000)
-    """Distance between cones that follow one another."""
+    """Distance between consecutive cones."""
     spacing_sigma_m: float = Field(default=0.5, gt=0, le=100)
     """Standard deviation of that distance."""
     known_anchors: tuple[KnownAnchor, ...] = Field(default=(), strict=False)
-    """Cones whose places were surveyed."""
+    """Surveyed cones."""
     statement_error: float = Field(default=0.02, gt=0, lt=0.5)
-    """Probability that a statement is wrong: as a whole, and of a single cone or pair."""
+    """Probability that a statement is wrong: as a whole, and for a single cone or pair."""
 
     @model_validator(mode="after")
     def _check(self) -> PriorConfig:
         ids = [known.anchor_id for known in self.known_anchors]
         if len(set(ids)) < len(ids):
-            raise ValueError(f"expected each known anchor once, got {ids}")
+            raise ValueError(f"known anchors: ids must be unique, got {ids}")
         return self
 
     @property
@@ -159,12 +164,12 @@ class PipelineConfig(Settings):
     @model_validator(mode="after")
     def _check(self) -> PipelineConfig:
         if not (self.sides.joint or self.prior.says_nothing):
-            raise ValueError("what is known of a zone needs sides.joint")
+            raise ValueError("prior knowledge of a zone requires sides.joint")
         return self
 
 
 def load_config(path: Path) -> PipelineConfig:
-    """Read settings from a YAML file; what it leaves out keeps its default.
+    """Read settings from a YAML file; what it omits keeps its default.
 
     Parameters
     ----------
@@ -179,8 +184,8 @@ def load_config(path: Path) -> PipelineConfig:
     Raises
     ------
     ConfigError
-        If the file cannot be read, is not YAML, holds a key twice, an unknown key or an impossible
-        value.
+        If the file cannot be read, is not YAML, or has a duplicate key, an unknown key or an
+        impossible value.
     """
     try:
         content = read_yaml(path)
@@ -207,7 +212,7 @@ def make_config(content: Any, *, source: str = "settings") -> PipelineConfig:
     Raises
     ------
     ConfigError
-        If ``content`` is no mapping, holds an unknown key or an impossible value.
+        If ``content`` is not a mapping, or has an unknown key or an impossible value.
 
     Examples
     --------
@@ -238,7 +243,7 @@ def settings_problems(error: ValidationError) -> str:
 
 
 def _problem(details: Mapping[str, Any]) -> str:
-    """Say in words what is wrong with one setting; a rule between settings has no place."""
+    """Say in words what is wrong with one setting; a rule between settings has no location."""
     place = shortened(printable(".".join(map(str, details["loc"])) or "top level"))
     if details["type"] == "extra_forbidden":
         return f"{place}: unknown key"
@@ -262,7 +267,7 @@ def dump_config(config: BaseModel) -> str:
     Returns
     -------
     str
-        Every setting, also those that keep their default.
+        Every setting, including those that keep their default.
 
     Examples
     --------

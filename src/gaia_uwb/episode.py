@@ -69,7 +69,7 @@ class ClockOffset:
 
 @dataclass(frozen=True)
 class RangeCalibration:
-    """What a whole log tells of its radios' errors, without any truth (``calibration.py``).
+    """What a whole log shows about its radios' errors, without any truth (``calibration.py``).
 
     The bias (measured minus true) of a range d is ``b0 + b1 log10(d / 10 m)``.
 
@@ -325,7 +325,7 @@ class Episode:
         )
 
     def windows(self, length: int, stride: int | None = None) -> list[Episode]:
-        """Cut the episode into windows of ``length`` steps; an incomplete tail is left out.
+        """Cut the episode into windows of ``length`` steps; an incomplete tail is dropped.
 
         Parameters
         ----------
@@ -355,11 +355,11 @@ class Episode:
 
         facts = [f"{self.n_steps} steps in {self.t_s[-1] - self.t_s[0]:.1f} s"]
         if self.clock is not None:
-            facts.append(f"clock offset {self.clock.applied_s:+.3f} s ({self.clock.reason})")
+            facts.append(f"clock offset {self.clock.applied_s:+.3f} s: {self.clock.reason}")
         rows = []
         for n, anchor_id in enumerate(self.anchor_ids):
             range_m = self.range_m[self.valid[:, n], n]
             span = f"{range_m.min():.2f} to {range_m.max():.2f}" if len(range_m) else ""
             rows.append([anchor_id, str(len(range_m)), f"{self.valid[:, n].mean():.0%}", span])
-        head = ("anchor", "ranges", "of the steps", "range (m)")
+        head = ("cone", "ranges", "share of steps", "range (m)")
         return summary(self.name, facts, sketch(self.position_m), head=head, rows=rows)

@@ -2,7 +2,7 @@
 
 >>> from gaia_uwb.estimate import AnchorStatus
 >>> AnchorStatus.TOO_FEW_RANGES.message
-'too few usable ranges to locate it'
+'too few usable ranges'
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ class AnchorStatus(StrEnum):
 
 _MESSAGES = {
     AnchorStatus.OK: "located",
-    AnchorStatus.AMBIGUOUS: "side unknown: the mirror image across the path fits nearly as well",
-    AnchorStatus.ILL_CONDITIONED: "the ranges fix the position only poorly along some direction",
-    AnchorStatus.NOT_CONVERGED: "the solver stopped before it converged",
-    AnchorStatus.MOVED: "the passes place it apart, as if it had been moved between them",
-    AnchorStatus.TOO_FEW_RANGES: "too few usable ranges to locate it",
+    AnchorStatus.AMBIGUOUS: "side ambiguous: the mirror position fits almost as well",
+    AnchorStatus.ILL_CONDITIONED: "position poorly determined in at least one direction",
+    AnchorStatus.NOT_CONVERGED: "the solver stopped before converging",
+    AnchorStatus.MOVED: "position differs between passes; probably moved",
+    AnchorStatus.TOO_FEW_RANGES: "too few usable ranges",
 }
 
 
 class ReasonKind(StrEnum):
-    """What may make a result unreliable, or limit it; programs go by this, never by a text."""
+    """What may make a result unreliable, or limit it; programs use this, never the text."""
 
     CLOCK = "clock"
     MISFIT = "misfit"
@@ -83,7 +83,7 @@ class ReasonKind(StrEnum):
 
     @property
     def concerns_all_places(self) -> bool:
-        """Whether it casts doubt on every position, not on single anchors or the area only."""
+        """Whether it casts doubt on every position, not only on single anchors or the area."""
         return not (
             self.is_anchor_status or self in (ReasonKind.TOO_FEW_CONES, ReasonKind.COLLINEAR)
         )
@@ -109,15 +109,15 @@ class Reason:
     passes
         Names of the passes that it is about; empty if it is about all of them.
     statements
-        The settings of :class:`gaia_uwb.config.PriorConfig` that it speaks against, such as
-        ``side``; a surveyed anchor's is ``known_anchors.`` and its id.
+        The settings of :class:`gaia_uwb.config.PriorConfig` that it contradicts, such as ``side``;
+        a surveyed anchor's is ``known_anchors.`` and its id.
     numbers
         The numbers in the text, by name and unit.
 
     Examples
     --------
-    >>> str(Reason(ReasonKind.MOVED, "anchor 3: moved", cones=("3",)))
-    'anchor 3: moved'
+    >>> str(Reason(ReasonKind.MOVED, "cone-3: probably moved", cones=("cone-3",)))
+    'cone-3: probably moved'
     """
 
     kind: ReasonKind
@@ -133,7 +133,7 @@ class Reason:
 
 @dataclass(frozen=True)
 class AnchorFix:
-    """Where one anchor stands, and how sure that is.
+    """Where one anchor stands, and how certain that is.
 
     Parameters
     ----------
@@ -158,8 +158,8 @@ class AnchorFix:
         Covariance of ``mirror_position_m`` given that the anchor stands there, in square metres;
         NaN where it is unknown.
     side_is_open
-        Whether the mirror position is too probable to leave it out: with status ``ambiguous``, and
-        beside a status that says something worse.
+        Whether the mirror position is too probable to ignore: with status ``ambiguous``, and in
+        addition to a status that says something worse.
 
     Raises
     ------
@@ -194,19 +194,19 @@ class AnchorFix:
             check_shape(name, freeze(self, name, getattr(self, name), np.float64), shape)
         if bool(np.isfinite(self.position_m).all()) is not self.status.has_position:
             raise InputError(
-                f"anchor {self.anchor_id!r}: position {self.position_m} does not go with the "
-                f"status {self.status.value!r}",
+                f"{self.anchor_id!r}: position {self.position_m} contradicts the status "
+                f"{self.status.value!r}",
                 column="position_m",
             )
         if not 0.0 <= self.mirror_probability <= 1.0:
             raise InputError(
-                f"anchor {self.anchor_id!r}: expected a probability, got {self.mirror_probability}",
+                f"{self.anchor_id!r}: expected a probability, got {self.mirror_probability}",
                 column="mirror_probability",
             )
 
     @property
     def has_mirror(self) -> bool:
-        """Whether there is another place; on a winding path both may be one."""
+        """Whether there is a mirror position; on a winding path both positions may coincide."""
         return bool(
             np.isfinite(self.mirror_position_m).all()
             and (self.mirror_position_m != self.position_m).any()
@@ -272,6 +272,6 @@ class Boundary:
             )
         if bool(self.area_m2 > 0) is not (self.status is BoundaryStatus.OK):
             raise InputError(
-                f"area {self.area_m2} m2 does not go with the status {self.status.value!r}",
+                f"area {self.area_m2} m² contradicts the status {self.status.value!r}",
                 column="area_m2",
             )

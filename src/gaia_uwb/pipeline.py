@@ -46,7 +46,7 @@ from gaia_uwb.scene import Scene
 from gaia_uwb.zone import Decision, KnownFacts, decide_sides, decide_zone, make_boundary, widened
 
 _MISFIT_M = 1.0  # ranges of a working radio on a known path err by less
-_BIAS_SIGMA = 4.0  # a range bias so many prior standard deviations from 0 is none of a radio
+_BIAS_SIGMA = 4.0  # no radio has a range bias this many prior standard deviations from 0
 
 
 def prepare(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Episode:
@@ -78,7 +78,7 @@ def reconstruct(
     Parameters
     ----------
     scene
-        The log, or the logs of several passes of one zone; their truth is not looked at.
+        The log, or the logs of several passes of one zone; their truth is not used.
     config
         All settings.
 
@@ -98,7 +98,7 @@ def reconstruct(
 
     Examples
     --------
-    A straight lane leaves the sides open; a second lane settles them:
+    A straight lane leaves the sides open; a second lane resolves them:
 
     >>> from gaia_uwb.simulate import PRESETS, simulate_zone
     >>> near, far = simulate_zone(PRESETS["straight"], seed=3)
@@ -119,8 +119,8 @@ def reconstruct_passes(
     Parameters
     ----------
     episodes
-        At least one; their truth is not looked at. Windows that were cut from one run are joined,
-        so that where they overlap nothing counts twice.
+        At least one; their truth is not used. Windows that were cut from one run are joined, so
+        that nothing counts twice where they overlap.
     config
         All settings; ``alignment`` and ``calibration`` say what was known before the passes.
 
@@ -173,7 +173,7 @@ def reconstruct_episodes(
     Parameters
     ----------
     episodes
-        Whole runs or windows of them; their truth is not looked at.
+        Whole runs or windows of them; their truth is not used.
     config
         ``denoiser``, ``solver``, ``sides`` and ``prior`` are used.
     true_nlos
@@ -209,7 +209,7 @@ def reconstruct_episodes(
 def _denoise(
     denoiser: Denoiser, episodes: Sequence[Episode], name: str
 ) -> Sequence[DenoisedRanges]:
-    """Denoise episodes, and see to it that a denoiser from elsewhere gives what was asked for."""
+    """Denoise episodes, and check the shapes that a third-party denoiser returns."""
     denoised = denoiser(episodes)
     wanted = [episode.range_m.shape for episode in episodes]
     got = [ranges.range_m.shape for ranges in denoised]
@@ -221,7 +221,7 @@ def _denoise(
 def _pass_reasons(
     passes: Sequence[Episode], denoiser: Denoiser, config: PipelineConfig
 ) -> Iterator[Reason]:
-    """Tell what is wrong with single passes."""
+    """Say what is wrong with single passes."""
     for episode in passes:
         for reason in (*_log_reasons(episode, config), *denoiser.notes(episode)):
             yield replace(reason, text=f"{episode.name}: {reason}", passes=(episode.name,))
@@ -233,7 +233,7 @@ def _evidence(
     denoised: Sequence[DenoisedRanges],
     config: PipelineConfig,
 ) -> Sequence[DenoisedRanges]:
-    """Return the ranges that the solver goes by; the paper's solver takes what it is given."""
+    """Return the ranges that the solver uses; the paper's solver takes what it is given."""
     if denoiser.locates and config.solver.kind == "robust":
         return make_denoiser("raw")(episodes)
     return denoised
@@ -273,36 +273,38 @@ def _decide(
 
 
 def _log_reasons(episode: Episode, config: PipelineConfig) -> Iterator[Reason]:
-    """Tell what is wrong with the whole log: its clocks, or the size of its errors."""
+    """Say what is wrong with the whole log: its clocks, or the size of its errors."""
     clock, found = episode.clock, episode.calibration
     if clock is not None and (
         clock.sigma_s > config.alignment.clock_offset_sigma_s
         or clock.sigma_s * episode.usual_speed_mps > config.solver.ill_conditioned_above_m
     ):
         yield Reason(
-            ReasonKind.CLOCK, f"the clocks: {clock.reason}", numbers={"sigma_s": clock.sigma_s}
+            ReasonKind.CLOCK,
+            f"clock offset uncertain: {clock.reason}",
+            numbers={"sigma_s": clock.sigma_s},
         )
     if found is None:
         return
     if found.sigma_m > _MISFIT_M:
         half_m = 0.67 * found.sigma_m
         text = (
-            f"the ranges do not fit the path, half of them by more than {half_m:.1f} "
-            "m: check units, clocks, heights and ids"
+            f"the ranges do not fit the path: half of them are off by more than {half_m:.1f} m; "
+            "check units, clocks, heights and ids"
         )
         yield Reason(ReasonKind.MISFIT, text, numbers={"half_beyond_m": half_m})
     prior_m = np.array([config.calibration.bias_sigma_m, config.calibration.bias_slope_sigma_m])
     if float(np.hypot(*(found.bias / np.maximum(prior_m, 1e-9)))) > _BIAS_SIGMA:
         bias_m = float(found.bias[0])
         text = (
-            f"the range bias came out at {bias_m:+.2f} m, far from the +-{prior_m[0]:g} m "
-            "that radios show: check the ranges' unit and zero"
+            f"range bias of {bias_m:+.2f} m, implausible for UWB radios (about ±{prior_m[0]:g} m): "
+            "check the unit and the zero offset of the ranges"
         )
         yield Reason(ReasonKind.RANGE_BIAS, text, numbers={"bias_m": bias_m})
 
 
 def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> Iterator[Reason]:
-    """Tell what keeps the boundary from being relied upon."""
+    """Say why the boundary cannot be relied upon."""
     for status in AnchorStatus:
         if status is not AnchorStatus.OK:
             ids = [
@@ -312,17 +314,19 @@ def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> Iterator[Reaso
                 or (status is AnchorStatus.AMBIGUOUS and anchor.side_is_open)
             ]
             if ids:
-                text = f"{_listed(ids)}: {status.message}"
+                text = f"{_listed(ids, len(anchors))}: {status.message}"
                 yield Reason(status.reason_kind, text, cones=tuple(ids))
     if boundary.status is BoundaryStatus.TOO_FEW_ANCHORS:
-        text = "fewer than three anchors were located, so there is no boundary"
+        text = "fewer than three cones were located, so there is no boundary"
         yield Reason(ReasonKind.TOO_FEW_CONES, text)
     elif boundary.status is BoundaryStatus.COLLINEAR:
-        text = "all located anchors stand on one line, so the boundary encloses no area"
+        text = "all located cones are on one line, so the boundary encloses no area"
         yield Reason(ReasonKind.COLLINEAR, text)
 
 
-def _listed(ids: Sequence[str]) -> str:
-    """Name up to five anchors."""
+def _listed(ids: Sequence[str], n_cones: int) -> str:
+    """Name up to five cones, or say that it is all of them."""
+    if len(ids) == n_cones > 1:
+        return "both cones" if n_cones == 2 else f"all {n_cones} cones"
     more = f" and {len(ids) - 5} more" if len(ids) > 5 else ""
-    return f"anchor{'s' if len(ids) > 1 else ''} {', '.join(ids[:5])}{more}"
+    return f"{', '.join(ids[:5])}{more}"

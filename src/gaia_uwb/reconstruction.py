@@ -58,7 +58,7 @@ class Reconstruction:
     config
         The settings that made it.
     possible
-        Both places of each anchor and the combinations of sides that may be, where known.
+        Both positions of each anchor and the possible combinations of sides, where known.
     more_passes
         The other passes that were fused, each with all anchors of the zone, and what the denoiser
         made of them.
@@ -76,7 +76,7 @@ class Reconstruction:
 
     @cached_property
     def boundary_uncertainty(self) -> BoundaryUncertainty | None:
-        """What the boundary may be instead, worked out when first asked for.
+        """What the boundary may be instead, computed on first use.
 
         None where it is unknown, or fewer than 3 anchors were located.
         """
@@ -93,7 +93,7 @@ class Reconstruction:
 
     @property
     def stated(self) -> tuple[str, ...]:
-        """What was said of the zone beforehand and went into the result, in words."""
+        """What was stated about the zone beforehand and used in the result, in words."""
         words = said_words(self.config.prior)
         for fix in self.anchors:
             if not fix.status.has_position:
@@ -116,7 +116,7 @@ class Reconstruction:
 
         located = [anchor for anchor in self.anchors if anchor.status.has_position]
         facts = [
-            f"{self.status.value}: {len(located)} of {len(self.anchors)} anchors located, "
+            f"{self.status.value}: {len(located)} of {len(self.anchors)} cones located, "
             f"boundary {self.boundary.status.value}, {self.boundary.area_m2:.1f} m²",
             *map(str, self.reasons),
         ]
@@ -126,7 +126,7 @@ class Reconstruction:
         ]
         paths_m = [episode.position_m for episode, _ in self.passes]
         picture = sketch(*paths_m, area_m=self.boundary.hull_m, marks=marks)
-        head = ("anchor", "status", "east (m)", "north (m)", "± (m, 90 %)", "other side", "ranges")
+        head = ("cone", "status", "east (m)", "north (m)", "± m (90 %)", "other side", "ranges")
         rows = [_html_row(anchor) for anchor in self.anchors]
         return summary(self.name, facts, picture, head=head, rows=rows)
 

@@ -63,7 +63,9 @@ class LocalFrame:
         for name, bound in (("lat_deg", 90.0), ("lon_deg", 180.0), ("alt_m", 1e5)):
             value = getattr(self, name)
             if not (np.isfinite(value) and abs(value) <= bound):
-                raise InputError(f"expected a number within +-{bound:g}, got {value}", column=name)
+                raise InputError(
+                    f"expected a number between {-bound:g} and {bound:g}, got {value}", column=name
+                )
 
 
 @dataclass(frozen=True)
@@ -265,7 +267,7 @@ class Scene:
         n, last = len(self.anchor_ids), int(self.ranges.anchor.max())
         if last >= n:
             raise InputError(
-                f"a reading points to anchor {last}, but there are {n} anchors, counted from 0",
+                f"a reading refers to anchor {last}, but there are {n} anchors, numbered from 0",
                 source=self.name,
                 column="anchor",
             )
@@ -296,7 +298,7 @@ class Scene:
         facts = [
             f"path: {len(drive)} samples in {drive.t_s[-1] - drive.t_s[0]:.1f} s, "
             f"{drive.path_length_m:.1f} m long",
-            f"{len(log)} readings of {self.n_anchors} anchors, "
+            f"{len(log)} readings of {self.n_anchors} cones, "
             f"{'tied to WGS84' if self.frame else 'in local metres'}",
         ]
         rows = []
@@ -304,5 +306,5 @@ class Scene:
             range_m = log.range_m[log.anchor == n]
             span = f"{range_m.min():.2f} to {range_m.max():.2f}" if len(range_m) else ""
             rows.append([anchor_id, str(len(range_m)), span])
-        head = ("anchor", "readings", "range (m)")
+        head = ("cone", "readings", "range (m)")
         return summary(self.name, facts, sketch(drive.position_m), head=head, rows=rows)

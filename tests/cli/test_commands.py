@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -69,6 +70,22 @@ def test_straight_path_is_unreliable_and_says_why(run, tmp_path: Path) -> None: 
     assert report["status"] == "unreliable"
     assert "ambiguous" in {reason["kind"] for reason in report["reasons"]}
     assert "mirror" in out
+
+
+def test_terminal_and_report_state_the_same_uncertainty_and_its_level(
+    run, log: Path, tmp_path: Path
+) -> None:  # type: ignore[no-untyped-def]
+    _, out, _ = run("reconstruct", log, "--out", tmp_path)
+    on_screen = dict(re.findall(r"^  (cone-\d): .* ± (\d+\.\d\d) m \(90 %\), ", out, re.MULTILINE))
+    lines = (tmp_path / "report.md").read_text(encoding="utf-8").splitlines()
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines if line[:1] == "|"]
+    radius = rows[0].index("90 % radius (m)")
+    in_report = {row[0]: row[radius] for row in rows[2:] if row[radius]}
+    assert len(on_screen) == 8
+    assert on_screen == in_report
+    found = re.search(r"clock offset .* ± (\d+\.\d\d\d) s \(90 %\): ", out)
+    assert found is not None
+    assert f"± {found[1]} s (90 %)" in "\n".join(lines)
 
 
 def test_a_second_lane_settles_the_sides_from_the_shell(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
@@ -260,7 +277,7 @@ def test_one_anchor_is_located_without_a_boundary(run, log: Path, tmp_path: Path
     (folder / "anchors.csv").unlink()
     code, out, _ = run("reconstruct", folder, "--out", tmp_path / "out")
     assert code == 1
-    assert "fewer than three anchors" in out
+    assert "fewer than three cones" in out
 
 
 def test_unwritable_output_is_told_before_the_work(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
@@ -333,7 +350,7 @@ def test_ids_cannot_steer_the_terminal(run, log: Path, tmp_path: Path) -> None: 
     for table in ("ranges.csv", "anchors.csv"):
         text = (folder / table).read_text(encoding="utf-8")
         text = text.replace("cone-1,", "\x1b[31mred\u202e,")
-        text = text.replace("cone-2,", '"two\n  boundary: ok, 9999 m^2",')
+        text = text.replace("cone-2,", '"two\n  boundary: ok, 9999 m²",')
         (folder / table).write_text(text, encoding="utf-8")
     for arguments in (("data", "check", folder), ("reconstruct", folder, "--out", tmp_path / "o")):
         _, out, err = run(*arguments)
@@ -366,10 +383,10 @@ def test_one_bad_log_of_several_is_left_out(run, log: Path, tmp_path: Path) -> N
     code, out, err = run("reconstruct", logs, "--out", tmp_path / "out")
     assert code == 2
     lines = [line for line in err.splitlines() if line.startswith("gaia: ")]
-    assert lines[0].startswith("gaia: left out: ")
+    assert lines[0].startswith("gaia: skipped: ")
     assert "row 2, column range_m: expected a finite number, got 'far'" in lines[0]
-    assert lines[1].startswith("gaia: left out: c: the vehicle hardly moves")
-    assert lines[2:] == ["gaia: 2 of 4 logs were left out"]
+    assert lines[1].startswith("gaia: skipped: c: the vehicle hardly moves")
+    assert lines[2:] == ["gaia: 2 of 4 logs were skipped"]
     assert "a: " in out
     assert "d: " in out
     for name in ("a", "d"):

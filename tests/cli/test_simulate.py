@@ -42,7 +42,7 @@ def test_simulate_episodes_of_a_part(run, tmp_path: Path) -> None:  # type: igno
     assert k == 2
     code, _, err = run(*arguments, "--out", out)
     assert code == 2
-    assert "already, and not of this command" in err
+    assert "already contains episodes from a different command" in err
 
 
 def test_episodes_of_a_killed_run_are_gone_on_with(  # type: ignore[no-untyped-def]
@@ -59,7 +59,7 @@ def test_episodes_of_a_killed_run_are_gone_on_with(  # type: ignore[no-untyped-d
     code, text, _ = run(*arguments, killed)
     assert code == 0
     assert "wrote 8 passes" in text
-    assert "3 of them were there" in text
+    assert "3 of them existed already" in text
     assert (killed / "episodes-000000.parquet").stat().st_mtime_ns == kept
     contents = [
         {path.name: path.read_bytes() for path in folder.iterdir()} for folder in (whole, killed)

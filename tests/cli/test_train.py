@@ -57,8 +57,14 @@ def test_train_writes_a_model_that_reconstructs(
 @pytest.mark.parametrize(
     ("options", "problem"),
     [
-        (("--data", "sim:wild"), "--data sim:wild: gaia-set is trained on sim:mixed"),
-        (("--data", "sim:mixed", "--split", "run/0"), "--split: gaia-set is trained on sim:mixed"),
+        (
+            ("--data", "sim:wild"),
+            "--data sim:wild: gaia-set can only be trained on the whole of sim:mixed",
+        ),
+        (
+            ("--data", "sim:mixed", "--split", "run/0"),
+            "--split: gaia-set can only be trained on the whole of sim:mixed",
+        ),
     ],
 )
 def test_gaia_set_takes_its_own_scenes_only(
@@ -77,7 +83,7 @@ def test_train_goes_on_where_it_was(
     capsys.readouterr()
     weights = (tmp_path / "m/weights.safetensors").read_bytes()
     run(*arguments, recipe)
-    assert "goes on after 2 epochs" in capsys.readouterr().err
+    assert "resuming after 2 epochs" in capsys.readouterr().err
     assert (tmp_path / "m/weights.safetensors").read_bytes() == weights
 
 

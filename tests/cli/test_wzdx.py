@@ -147,7 +147,7 @@ def test_wrong_options(
 
 
 def test_several_logs_are_not_one_zone(run: Run, config: Path, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="holds 3 logs; a feed is of one"):
+    with pytest.raises(ConfigError, match="contains 3 logs; a feed describes one"):
         run("write", "sim:lane-closure/0/3", "--config", config, "--out", tmp_path / "out")
 
 

@@ -46,7 +46,7 @@ def test_clock_counts_by_what_it_moves(sigma_s: float, limited: bool) -> None:
     if limited:
         speed_mps = 45.0 / 199 / 0.1
         shift_m = 1.645 * sigma_s * speed_mps
-        assert f"± {shift_m:.2f} m along the road" in found[ReasonKind.CLOCK].text
+        assert f"± {shift_m:.2f} m (90 %) along the road" in found[ReasonKind.CLOCK].text
         assert Advice.BOTH_WAYS in found[ReasonKind.CLOCK].advice
 
 
@@ -57,7 +57,7 @@ def test_a_clock_that_was_trusted_is_no_limit() -> None:
 def test_unknown_side_of_a_straight_path() -> None:
     found = limits_of_fix(status=AnchorStatus.AMBIGUOUS, mirror_probability=0.37)
     text = found[ReasonKind.AMBIGUOUS].text
-    assert text.startswith("On which side of the path cone cone-0 stands is not certain")
+    assert text.startswith("The side of the path is uncertain for cone-0")
     assert "the other side has 37 % probability" in text
     assert "45.0 m long within a strip of 0.00 m" in text
     advice = found[ReasonKind.AMBIGUOUS].advice
@@ -75,7 +75,7 @@ def test_unknown_side_of_a_bent_path_does_not_blame_the_path() -> None:
 def test_poor_geometry_names_the_worst_and_both_axes() -> None:
     found = limits_of_fix(status=AnchorStatus.ILL_CONDITIONED, covariance_m2=np.diag([9.0, 0.01]))
     text = found[ReasonKind.ILL_CONDITIONED].text
-    assert "the worst is cone-0, ± 6.44 m one way and ± 0.21 m the other" in text
+    assert "the worst is cone-0, ± 6.44 m in one direction and ± 0.21 m across it" in text
 
 
 def test_poor_geometry_without_a_covariance() -> None:
@@ -87,15 +87,13 @@ def test_poor_geometry_without_a_covariance() -> None:
 
 def test_not_settled() -> None:
     found = limits_of_fix(status=AnchorStatus.NOT_CONVERGED)
-    assert "cone cone-0 did not settle" in found[ReasonKind.NOT_CONVERGED].text
+    assert "cone-0 did not reach a stable position" in found[ReasonKind.NOT_CONVERGED].text
 
 
 def test_lost_cones_say_how_many_ranges_were_missing() -> None:
     found = limits_of(make_reconstruction(changed={1: make_unlocated("cone-1")}))
     text = found[ReasonKind.TOO_FEW_RANGES].text
-    assert text == (
-        "No place was found for cone cone-1: at most 2 usable ranges came in, and 4 are needed."
-    )
+    assert text == ("No position was found for cone-1: 2 usable ranges, and 4 are needed.")
     assert Advice.SLOWER not in found[ReasonKind.TOO_FEW_RANGES].advice  # it went 2 m/s
 
 
@@ -113,7 +111,7 @@ def test_driving_slower_is_advised_to_who_drove_fast() -> None:
 def test_moved_cones_and_passes_of_different_zones_ask_for_a_look() -> None:
     fix = make_fix("cone-0", SQUARE_M[0], status=AnchorStatus.MOVED)
     found = limits_of(make_reconstruction(changed={0: fix}))
-    assert "The passes place cone cone-0 apart" in found[ReasonKind.MOVED].text
+    assert "The position of cone-0 differs between passes" in found[ReasonKind.MOVED].text
     assert found[ReasonKind.MOVED].advice == (Advice.CHECK_CONES,)
     passes, statement = limits_of_reasons(
         [
@@ -148,7 +146,7 @@ def test_gaps(steps: int, limited: bool) -> None:
     found = limits_of(reconstruction, valid=valid, range_m=range_m)
     assert (ReasonKind.GAPS in found) is limited
     if limited:
-        assert "cone cone-2 could not be heard for 4.1 s in a row" in found[ReasonKind.GAPS].text
+        assert "cone-2 was out of range or blocked for 4.1 s." in found[ReasonKind.GAPS].text
 
 
 @pytest.mark.parametrize(("steps", "limited"), [(8, False), (40, True)])
@@ -160,7 +158,7 @@ def test_blocked_line_of_sight_reads_too_long(steps: int, limited: bool, sign: f
     found = limits_of(reconstruction, range_m=range_m)
     assert (ReasonKind.BLOCKED in found) is (limited and sign > 0)
     if ReasonKind.BLOCKED in found:
-        assert "Of the ranges of cone cone-1, 20 % read more than 0.30 m" in (
+        assert "Of the ranges to cone-1, 20 % are too long by more than 0.30 m" in (
             found[ReasonKind.BLOCKED].text
         )
 
@@ -177,12 +175,12 @@ def test_common_range_bias(bias_m: float, way: str) -> None:
     found = limits_of(make_reconstruction(), calibration=calibration)
     assert set(found) == ({ReasonKind.RANGE_BIAS} if way else set())
     if way:
-        assert f"All ranges read 0.50 m too {way} at 10 m" in found[ReasonKind.RANGE_BIAS].text
+        assert f"All ranges are 0.50 m too {way} at 10 m" in found[ReasonKind.RANGE_BIAS].text
 
 
 def test_own_range_bias_of_a_cone() -> None:
     found = limits_of_fix(range_bias_m=-0.2)
-    assert "by 0.20 m for cone-0" in found[ReasonKind.RANGE_BIAS].text
+    assert "ranges to cone-0 have a bias of their own, 0.20 m." in found[ReasonKind.RANGE_BIAS].text
 
 
 def test_misfit_of_the_whole_log() -> None:
@@ -196,7 +194,7 @@ def test_unknown_heights_count_where_cones_were_near() -> None:
     found = limits_of(make_reconstruction(), tag_up_m=None)
     nearest_m = float(np.nanmin(make_reconstruction().episode.range_m))
     change_m = np.hypot(nearest_m, 1.0) - nearest_m
-    assert f"At the nearest, {nearest_m:.2f} m, " in found[ReasonKind.HEIGHTS].text
+    assert f"At the shortest range, {nearest_m:.2f} m, " in found[ReasonKind.HEIGHTS].text
     assert f"changes a range by {change_m:.2f} m." in found[ReasonKind.HEIGHTS].text
     far = make_reconstruction(SQUARE_M + np.array([0.0, 40.0]))
     assert ReasonKind.HEIGHTS not in limits_of(far, tag_up_m=None)
@@ -219,15 +217,17 @@ def test_many_cones_are_not_all_named() -> None:
     ring_m = 5.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     changed: dict[int, AnchorFix] = {k: make_unlocated(f"cone-{k}") for k in range(7)}
     text = limits_of(make_reconstruction(ring_m, changed=changed))[ReasonKind.TOO_FEW_RANGES].text
-    assert "cones cone-0, cone-1, cone-2, cone-3, cone-4 and 2 more:" in text
+    assert "cone-0, cone-1, cone-2, cone-3, cone-4 and 2 more:" in text
 
 
 def test_ids_are_written_as_asked() -> None:
     found = find_limits(
-        make_reconstruction().episode, (make_unlocated("*"),) * 4, name=lambda text: f"<{text}>"
+        make_reconstruction().episode,
+        (*[make_unlocated("*")] * 3, make_fix("cone-3", SQUARE_M[3])),
+        name=lambda text: f"<{text}>",
     )
     lost = next(limit for limit in found if limit.kind is ReasonKind.TOO_FEW_RANGES)
-    assert "cones <*>, <*>, <*> and <*>:" in lost.text
+    assert "for <*>, <*> and <*>:" in lost.text
 
 
 def test_nothing_at_all_was_located() -> None:

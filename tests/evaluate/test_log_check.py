@@ -78,7 +78,7 @@ def test_counts_gaps_and_readings_outside_the_drive() -> None:
     assert (a.n_gaps, a.rssi_share) == (1, 0.0)
     assert a.longest_gap_s == pytest.approx(5.1)
     assert a.outside_share == pytest.approx(100 / 545)
-    assert "300 of 1735 readings lie outside the trajectory's time" in report.notes
+    assert "300 of 1735 readings are outside the trajectory's time" in report.notes
 
 
 def test_a_slow_radio_has_no_gap_at_every_step() -> None:
@@ -94,7 +94,7 @@ def test_a_parked_vehicle() -> None:
     t_s = np.arange(0.0, 60.0, 0.125)
     parked = Trajectory(t_s, np.random.default_rng(0).normal(0, 0.02, (len(t_s), 2)))
     (problem,) = check_scene(make_scene(trajectory=parked)).problems
-    assert problem.startswith("the vehicle is parked: its whole path fits into 0.1")
+    assert problem.startswith("the vehicle is parked: its whole path spans 0.1")
     still = Trajectory(t_s, np.zeros((len(t_s), 2)))
     assert "0.00 m" in check_scene(make_scene(trajectory=still)).problems[0]
 
@@ -166,11 +166,11 @@ def test_anchors_that_cannot_be_located() -> None:
     )
     scene = with_ranges(scene, [1], -1.0)
     assert check_scene(scene).problems == (
-        "anchor a has 3 usable readings of 4: it cannot be located",
-        "anchor silent has 0 usable readings of 0: it cannot be located",
+        "a: only 3 of 4 readings are usable, too few to locate it",
+        "silent: no readings",
     )
     problems = check_scene(with_ranges(make_scene(), slice(0, 400), -1.0)).problems
-    assert problems == ("only 33% of the readings of anchor a are usable",)
+    assert problems == ("a: only 33% of the readings are usable",)
 
 
 def test_too_few_anchors() -> None:
@@ -178,7 +178,7 @@ def test_too_few_anchors() -> None:
     mine = log.anchor == 0
     ranges = RangeLog(log.t_s[mine], log.anchor[mine], log.range_m[mine])
     scene = make_scene(ranges=ranges, anchor_ids=("a",), anchor_up_m=None, truth=None)
-    assert check_scene(scene).problems == ("a boundary needs 3 anchors, this log has 1",)
+    assert check_scene(scene).problems == ("a boundary needs 3 cones, but this log has 1",)
 
 
 def test_notes_what_is_unknown() -> None:
@@ -189,9 +189,9 @@ def test_notes_what_is_unknown() -> None:
     assert check_scene(scene, ("ranges.csv: sorted",)).notes == (
         "ranges.csv: sorted",
         "the trajectory has a gap of 12.6 s",
-        "not all heights are known: ranges count as horizontal where one is missing",
-        "the place on Earth is unknown: results are in local metres, and there can be no feed",
-        "no surveyed anchors: nothing to score against",
+        "not all heights are known: ranges are treated as horizontal where one is missing",
+        "no geographic reference: results are in local metres, and no feed can be written",
+        "no surveyed cones: nothing to score against",
     )
 
 
@@ -200,7 +200,7 @@ def test_lines_are_text_for_people() -> None:
     assert check_scene(scene).lines() == [
         "round",
         "  path: 480 samples in 59.9 s (8.0 Hz), 125.4 m long within 56.6 m",
-        "  anchor        readings     Hz   gaps  longest   usable  outside  negative   spikes  "
+        "  cone          readings     Hz   gaps  longest   usable  outside  negative   spikes  "
         "repeats   RSSI",
         "  a                  595   10.0      0    0.1 s    99.8%     0.0%     0.17%    0.00%     "
         "0.0%   100%",
@@ -208,17 +208,16 @@ def test_lines_are_text_for_people() -> None:
         "0.0%   100%",
         "  c                  595   10.0      0    0.1 s   100.0%     0.0%     0.00%    0.00%     "
         "0.0%   100%",
-        "  clock offset: none taken out, may be +- 0.500 s: this drive cannot tell it (too "
-        "straight and too steady)",
-        "  heard: at least one anchor in 100% of the seconds, at least three in 100%",
-        "  anchor         nearest   view     DOP   side of the path",
-        "  a               20.0 m   356°     0.5   told",
-        "  b               17.0 m   356°     0.5   told",
-        "  c               17.0 m   356°     0.5   told",
-        "  DOP: metres that a place errs per metre of range error that lasts; 2 is good, above 5 "
+        "  clock offset: 0 s ± 0.823 s (90 %), not corrected: the drive is too straight and "
+        "too steady to determine it",
+        "  in range: at least one cone for 100% of the drive, at least three for 100%",
+        "  cone           nearest   view     DOP   side of the path",
+        "  a               20.0 m   356°     0.5   clear",
+        "  b               17.0 m   356°     0.5   clear",
+        "  c               17.0 m   356°     0.5   clear",
+        "  DOP: metres of position error per metre of lasting range error; 2 is good, above 5 is "
         "poor",
-        "  note: the place on Earth is unknown: results are in local metres, and there can be no "
-        "feed",
+        "  note: no geographic reference: results are in local metres, and no feed can be written",
         "  no problems found",
     ]
 
@@ -251,7 +250,7 @@ def test_static_files(tmp_path: Path) -> None:
     assert check_outdoor_static(tmp_path).notes == (
         "3 files with 61 readings",
         "1 files have no readings: NLOS/height_50.0cm/6m.csv",
-        "1 files have fewer than 50: NLOS/height_50.0cm/4m.csv",
+        "1 files have fewer than 50 readings: NLOS/height_50.0cm/4m.csv",
         "1 files have garbled rows: NLOS/height_50.0cm/4m.csv",
     )
     with pytest.raises(InputError, match="has no Static_measurements"):

@@ -83,7 +83,7 @@ def test_an_anchor_moved_between_passes_is_noticed(k):
     (reason,) = together.reasons()
     assert reason.kind is ReasonKind.PASSES_APART
     assert (reason.cones, reason.passes) == ((IDS[k],), ("the last one",))
-    assert f"anchor {IDS[k]}: the last one alone places it" in str(reason)
+    assert f"{IDS[k]}: its position from the last one alone is" in str(reason)
     assert place_error_m(together.hypotheses).max() < 0.15  # three passes outvote one
 
 

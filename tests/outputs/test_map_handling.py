@@ -41,7 +41,7 @@ def test_fingers_pan_and_pinch(chromium: Browser, pages: dict[str, Path]) -> Non
 def test_pointing_and_choosing(chromium: Browser, pages: dict[str, Path]) -> None:
     show(chromium, pages["doubtful"])
     chromium.point(*place(chromium, "mirror"))
-    assert texts(chromium, "#tip") == [f"{HOSTILE[0]}other possible place, 37 % likely"]
+    assert texts(chromium, "#tip") == [f"{HOSTILE[0]}other position, 37 % probability"]
     picture(chromium, "hover")
     chromium.click(*place(chromium, "cone", 1))
     assert texts(chromium, "dd.name") == [HOSTILE[1]]
@@ -66,7 +66,7 @@ def test_keys_reach_everything(chromium: Browser, pages: dict[str, Path]) -> Non
     assert chromium.evaluate("chosen.step") == 2
     chromium.press("Tab")
     role = "document.activeElement.getAttribute('aria-label')"
-    assert chromium.evaluate(role) == "cone-0, located, ±\u00a00.45\u00a0m"
+    assert chromium.evaluate(role) == "cone-0, located, ±\u00a00.45\u00a0m (90\u00a0%)"
     assert "180 ranges" in texts(chromium, "#tip")[0]
     picture(chromium, "keyboard")
     chromium.press("Tab", "Enter")
@@ -142,7 +142,7 @@ def test_measuring_by_mouse(chromium: Browser, pages: dict[str, Path]) -> None:
     sure_m = 1.645 * np.sqrt(2 * 0.04)
     assert texts(chromium, "#measured-text") == [f"4.00 m ± {sure_m:.2f} m (90 %)"]
     chromium.click(*place(chromium, "cone", 2))
-    assert texts(chromium, "#measured-text") == ["7.00 m in all, area 6.0 m²"]
+    assert texts(chromium, "#measured-text") == ["7.00 m in total, area 6.0 m²"]
     picture(chromium, "measuring")
     chromium.click_on("#undo")
     assert texts(chromium, "#measured-text")[0].startswith("4.00 m")
@@ -158,4 +158,4 @@ def test_measuring_by_keys(chromium: Browser, pages: dict[str, Path]) -> None:
     chromium.press("Enter", *["ArrowRight"] * 2, "Enter")
     assert texts(chromium, "#measured-text") == [f"{120 / scale:.2f} m"]
     chromium.press("Backspace")
-    assert texts(chromium, "#measured-text") == ["Pick the next place"]
+    assert texts(chromium, "#measured-text") == ["Click the next point"]

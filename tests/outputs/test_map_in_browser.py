@@ -34,9 +34,9 @@ def test_good_result(chromium: Browser, pages: dict[str, Path]) -> None:
     assert chromium.requests() == [pages["good"].as_uri()]
     assert chromium.evaluate("document.title") == "GAIA: a drive"
     assert texts(chromium, "#status") == [
-        "✓ reliable 4 of 4 cones located, the zone covers 12.0 m²."
+        "✓ reliable All 4 cones located, the zone covers 12.0 m²."
     ]
-    assert texts(chromium, "#cones .value") == ["± 0.45 m"] * 4
+    assert texts(chromium, "#cones .value") == ["± 0.45 m (90 %)"] * 4
     image = picture(chromium, "good")
     assert image.shape == (860, 1400, 3)
     assert colour_share(image, "#f0ecaa") > 0.02  # the zone's yellow on the ground
@@ -54,10 +54,10 @@ def test_doubtful_result_shows_both_places_and_why(
 ) -> None:
     show(chromium, pages["doubtful"])
     assert texts(chromium, "#status") == [
-        "! check before use 3 of 4 cones located, the zone covers 6.0 m²."
+        "! needs review 3 of 4 cones located, the zone covers 6.0 m²."
     ]
     assert texts(chromium, "#reasons li") == [f"anchor {HOSTILE[0]}: the other side fits as well"]
-    states = ["side not certain", "± 0.45 m", "poorly fixed", "not located"]
+    states = ["side uncertain", "± 0.45 m (90 %)", "poorly determined", "not located"]
     assert texts(chromium, "#cones .value") == states
     labels = texts(chromium, "#map .place + .label")
     assert labels[0].endswith("… 37 %")
@@ -66,9 +66,9 @@ def test_doubtful_result_shows_both_places_and_why(
     link = np.array([end.split() for end in ends[1:].split("L")], dtype=float)
     assert link == pytest.approx(np.array([place(chromium, "cone"), place(chromium, "mirror")]))
     legend = texts(chromium, "#legend div")
-    assert "other possible place of such a cone" in legend
-    assert "cone: side not certain" in legend
-    assert "cone: poorly fixed" in legend
+    assert "other possible position of a cone" in legend
+    assert "cone: side uncertain" in legend
+    assert "cone: poorly determined" in legend
     image = picture(chromium, "doubtful")
     assert colour_share(image, "#ad3b06") > 0.0005
 
@@ -92,7 +92,7 @@ def test_page_without_any_cone(chromium: Browser, pages: dict[str, Path]) -> Non
     assert chromium.evaluate("places.length") == 0
     assert "too few cones for a boundary" in texts(chromium, "#status")[0]
     chromium.click_on("#cones button")
-    assert "too few usable ranges to locate it" in texts(chromium, "#details dd")
+    assert "too few usable ranges" in texts(chromium, "#details dd")
     chromium.evaluate("showMoment(50)")
     chromium.settle()
     radii = chromium.evaluate(RADII)
@@ -128,12 +128,12 @@ def test_inner_and_outer_outline_are_drawn_where_they_are_known(
         (drawn,) = chromium.evaluate(pieces % role)
         assert len(drawn) == 3  # two rings each, and what follows the last z
     assert (
-        "12.0 m² (at least 9.5 m², at most 1,210 m², each with 90 %)"
+        "12.0 m² (at least 9.5 m², at most 1,210 m²; 90 % each)"
         in (texts(chromium, "#status")[0])
     )
     legend = texts(chromium, "#legend div")
     assert "all of this is work zone (90 %)" in legend
-    assert "no work zone beyond this (90 %)" in legend
+    assert "contains the work zone (90 %)" in legend
     picture(chromium, "outlines")
 
 
@@ -146,7 +146,7 @@ def test_path_is_coloured_by_the_chosen_cones_misfit(chromium: Browser, tmp_path
     worst = "document.querySelector('path.fit4').getAttribute('d')"
     chromium.evaluate("select('cone-2')")
     assert chromium.evaluate(worst) == ""
-    assert texts(chromium, "#path-title") == ["Path: misfit of the ranges to cone-2"]
+    assert texts(chromium, "#path-title") == ["Path: residual of the ranges to cone-2"]
     chromium.evaluate("select('cone-1')")
     corners = [c.split() for c in chromium.evaluate(worst).replace("M", "L").split("L")[1:]]
     east_m = np.array(corners, dtype=float)[:, 0]
@@ -156,7 +156,7 @@ def test_path_is_coloured_by_the_chosen_cones_misfit(chromium: Browser, tmp_path
     chromium.evaluate("showDrive()")
     picture(chromium, "misfit")
     chromium.press("Escape")
-    assert texts(chromium, "#path-title") == ["Path: misfit of all ranges"]
+    assert texts(chromium, "#path-title") == ["Path: residual of all ranges"]
 
 
 # ---- phones, big screens, light and dark ----------------------------------------------------

@@ -68,14 +68,14 @@ def test_a_metre_is_as_long_in_both_directions(stretch: list[float]) -> None:
 
 def test_truth_only_where_it_is_given() -> None:
     reconstruction = make_reconstruction()
-    assert "true place" not in legend(plot_reconstruction(reconstruction))
+    assert "true position" not in legend(plot_reconstruction(reconstruction))
     figure = plot_reconstruction(reconstruction, truth_m=SQUARE_M + np.array([9.0, 0.0]))
-    assert "true place" in legend(figure)
+    assert "true position" in legend(figure)
     assert contains(site(figure), SQUARE_M + np.array([9.0, 0.0]))
 
 
 def test_mirror_place_only_of_an_ambiguous_cone() -> None:
-    other = "other place of an ambiguous cone"
+    other = "other possible position of a cone"
     assert other not in legend(plot_reconstruction(make_reconstruction()))
     fix = make_fix("A", SQUARE_M[0], status=AnchorStatus.AMBIGUOUS, mirror_probability=0.4)
     figure = plot_reconstruction(make_reconstruction(changed={0: fix}))

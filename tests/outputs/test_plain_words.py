@@ -24,11 +24,11 @@ from gaia_uwb.simulate import PRESETS, simulate_pass
 from gaia_uwb.zone.uncertainty import Region
 
 JARGON = re.compile(
-    r"\b(covarian|sigma|residual|converge|ill-condition|hypothes|solver|multilaterat|mirror|"
+    r"\b(covarian|sigma|converge|ill-condition|hypothes|solver|multilaterat|mirror|"
     r"posterior|NLOS\b|LOS\b|nan\b|(?-i:None\b))", re.IGNORECASE,
 )  # fmt: skip
 SECTIONS = [
-    "What was found", "How sure it is", "What limited it", "What would improve it", "The cones",
+    "What was found", "Confidence", "Limitations", "How to improve the result", "The cones",
 ]  # fmt: skip
 
 
@@ -63,19 +63,21 @@ def test_ideal_run() -> None:
         reconstruction.episode, tag_up_m=np.full(200, 1.0), anchor_up_m=np.full(4, 1.0)
     )
     parts = read(replace(reconstruction, episode=episode))
-    assert "**Reliable.** 4 of 4 cones were located. The work zone covers 12.0 m²." in parts[""]
+    assert "**Reliable.** All 4 cones were located. The work zone covers 12.0 m²." in parts[""]
     assert "4 corners and is 5.00 m long at its longest" in parts["What was found"]
-    assert "The drive took 19.9 s over 45.0 m; 720 ranges" in parts["What was found"]
-    sure = parts["How sure it is"]
-    assert "a cone stands within 0.45 m of its place" in sure
+    assert "The drive covered 45.0 m in 19.9 s and used 720 ranges" in parts["What was found"]
+    sure = parts["Confidence"]
+    assert "The 90 % error radius is 0.45 m for the median cone" in sure
     assert "has less than 1 % probability (cone-0)" in sure
     assert "0.180 s ahead of those of the positions" in sure
-    assert "to within 0.016 s (90 % probability)" in sure
-    assert "read 0.10 m too long at 10 m" in sure
-    assert parts["What limited it"].strip().startswith("No check found a limit.")
-    assert parts["What would improve it"].strip() == "Nothing in this log asks for another drive."
+    assert "This was corrected, to ± 0.016 s (90 %)." in sure
+    assert "The ranges were 0.10 m too long at 10 m" in sure
+    assert parts["Limitations"].strip().startswith("No check found one.")
+    assert (
+        parts["How to improve the result"].strip() == "Nothing in this log calls for another drive."
+    )
     head, _, *rows = table(parts["The cones"])
-    assert head[:6] == ["Cone", "State", "East (m)", "North (m)", "Latitude (°)", "Longitude (°)"]
+    assert head[:6] == ["Cone", "Status", "East (m)", "North (m)", "Latitude (°)", "Longitude (°)"]
     assert rows[1][:6] == ["cone-1", "located", "4.00", "0.00", "48.1000000", "11.5000537"]
     assert rows[1][6:9] == ["0.45", "more than 99 %", "180"]
 
@@ -85,25 +87,24 @@ def test_numbers_of_the_fit_are_those_of_the_ranges() -> None:
     exact_m = np.hypot(*(reconstruction.episode.position_m[:, None] - SQUARE_M).transpose(2, 0, 1))
     error_m = np.abs(reconstruction.episode.range_m - exact_m - 0.05)
     half_m, most_m = np.nanquantile(error_m, [0.5, 0.95])
-    sure = read(reconstruction)["How sure it is"]
-    assert f"fit these places to {half_m:.2f} m or better" in sure
-    assert f"95 of 100 to {most_m:.2f} m or better" in sure
+    sure = read(reconstruction)["Confidence"]
+    assert f"fit these positions within {half_m:.2f} m, and 95 % within {most_m:.2f} m." in sure
 
 
 def test_straight_run() -> None:
     parts = read(reconstruct(simulate_pass(PRESETS["straight"], seed=4)))
-    assert parts[""].count("**Check before use.**") == 1
-    assert "- the side of the path on which 8 of 8 cones stand is not certain" in parts[""]
-    assert "stand is not certain" in parts["What limited it"]
-    assert "The path was straight" in parts["What limited it"]
-    steps = parts["What would improve it"]
+    assert parts[""].count("**Needs review.**") == 1
+    assert "- the side of the path is uncertain for all 8 cones" in parts[""]
+    assert "The side of the path is uncertain for all 8 cones" in parts["Limitations"]
+    assert "The path was straight" in parts["Limitations"]
+    steps = parts["How to improve the result"]
     assert [steps.index(a) for a in (Advice.SECOND_DRIVE, Advice.WEAVE, Advice.SURVEY)]
     assert steps.index(Advice.SECOND_DRIVE) < steps.index(Advice.WEAVE)
     rows = table(parts["The cones"])[2:]
-    others = [row for row in rows if row[1] == "other possible place"]
+    others = [row for row in rows if row[1] == "other position"]
     assert others
     for row in others:
-        chosen = next(r for r in rows if r[0] == row[0] and r[1] == "side not certain")
+        chosen = next(r for r in rows if r[0] == row[0] and r[1] == "side uncertain")
         shares = [int(re.sub(r"\D", "", r[7])) for r in (chosen, row)]
         assert sum(shares) == pytest.approx(100, abs=1)
 
@@ -119,12 +120,12 @@ def test_run_that_hardly_moved() -> None:
     log = RangeLog(t_s[step], anchor, range_m[step, anchor])
     scene = Scene("hardly", Trajectory(t_s, path_m), log, ("a", "b", "c"))
     parts = read(reconstruct(scene))
-    assert "Check before use" in parts[""]
-    limited = parts["What limited it"]
-    assert "The vehicle moved within 1.50 m only" in limited
-    assert "is not certain" in limited
-    assert Advice.LONGER in parts["What would improve it"]
-    assert "The place on Earth is not known" in parts["What was found"]
+    assert "Needs review" in parts[""]
+    limited = parts["Limitations"]
+    assert "The vehicle only moved within 1.50 m" in limited
+    assert "The side of the path is uncertain" in limited
+    assert Advice.LONGER in parts["How to improve the result"]
+    assert "The log has no geographic reference" in parts["What was found"]
     assert len(table(parts["The cones"])[0]) == 8
 
 
@@ -134,8 +135,8 @@ def test_run_with_few_cones() -> None:
     assert "2 of 4 cones were located. That is too few for a boundary." in parts[""]
     assert "Not located: cone-0, cone-1." in parts["What was found"]
     assert "corners" not in parts["What was found"]
-    assert "No place was found for cones cone-0 and cone-1" in parts["What limited it"]
-    assert Advice.CHECK_RADIOS in parts["What would improve it"]
+    assert "No position was found for cone-0 and cone-1" in parts["Limitations"]
+    assert Advice.CHECK_RADIOS in parts["How to improve the result"]
     assert table(parts["The cones"])[2] == [
         "cone-0", "not located", "", "", "", "", "", "", "2", "",
     ]  # fmt: skip
@@ -145,24 +146,24 @@ def test_run_without_any_cone() -> None:
     changed = {k: make_unlocated(f"cone-{k}") for k in range(4)}
     parts = read(make_reconstruction(changed=changed))
     assert "0 of 4 cones were located" in parts[""]
-    assert "90 % probability a cone stands" not in parts["How sure it is"]
-    assert "Half of the ranges" not in parts["How sure it is"]
+    assert "90 % error radius" not in parts["Confidence"]
+    assert "Half of the ranges" not in parts["Confidence"]
 
 
 def test_real_run(outdoor_dir: Path) -> None:
     (scene,) = load_scenes("outdoor-uwb:NLOS/B/4", data_dir=outdoor_dir)
     result = reconstruct(scene.without_truth())
     parts = read(result)
-    assert "**Reliable.** 4 of 4 cones were located." in parts[""]
+    assert "**Reliable.** All 4 cones were located." in parts[""]
     assert "178.1 s" in parts["What was found"]
-    assert "s ahead of those" in parts["How sure it is"]
+    assert "s ahead of those" in parts["Confidence"]
     regions = result.boundary_uncertainty
     assert regions is not None
     assert (
-        f"With 90 % probability all of a region of {regions.inner.area_m2:.1f} m² is work zone"
-        in parts["How sure it is"]
+        f"A region of {regions.inner.area_m2:.1f} m² lies inside the work zone with 90 % confidence"
+        in parts["Confidence"]
     )
-    assert f"outside a region of {regions.outer.area_m2:.1f} m²" in parts["How sure it is"]
+    assert f"lies within a region of {regions.outer.area_m2:.1f} m²" in parts["Confidence"]
     rows = table(parts["The cones"])[2:]
     assert [row[0] for row in rows] == [*result.episode.anchor_ids]
     for row, anchor in zip(rows, result.anchors, strict=True):
@@ -172,12 +173,12 @@ def test_real_run(outdoor_dir: Path) -> None:
 def test_what_was_said_is_told_as_such() -> None:
     scene = simulate_pass(PRESETS["straight"], seed=4)
     told = read(reconstruct(scene, make_config({"prior": {"side": "left"}})))
-    assert "taken as given: all cones are on the left." in told["How sure it is"]
+    assert "stated about the zone was used: all cones are on the left." in told["Confidence"]
     wrong = read(reconstruct(simulate_pass(PRESETS["lane-closure"], seed=0),
                              make_config({"prior": {"side": "left"}})))  # fmt: skip
-    assert "taken as given" not in wrong["How sure it is"]
-    assert 'The ranges speak against "all cones are on the left"' in wrong["What limited it"]
-    assert wrong["What would improve it"].strip().startswith(f"1. {Advice.CHECK_STATEMENT}")
+    assert "stated about the zone" not in wrong["Confidence"]
+    assert 'The ranges contradict "all cones are on the left"' in wrong["Limitations"]
+    assert wrong["How to improve the result"].strip().startswith(f"1. {Advice.CHECK_STATEMENT}")
 
 
 def test_no_region_is_sure() -> None:
@@ -186,8 +187,8 @@ def test_no_region_is_sure() -> None:
     assert known is not None
     nothing = replace(known, inner=Region((), 0.0))
     result.__dict__["boundary_uncertainty"] = nothing
-    sure = read(result)["How sure it is"]
-    assert "No place is work zone with 90 % probability, and with 90 %" in sure
+    sure = read(result)["Confidence"]
+    assert "No area can be called work zone with 90 % confidence; the whole zone lies" in sure
 
 
 def test_reasons_that_no_check_knows_are_passed_on() -> None:
@@ -196,12 +197,12 @@ def test_reasons_that_no_check_knows_are_passed_on() -> None:
         status=ReconstructionStatus.UNRELIABLE,
         reasons=(
             make_reason("83 % of the path lies outside the area of its *training*"),
-            make_reason("anchor cone-1: any words", ReasonKind.AMBIGUOUS),
+            make_reason("cone-1: any words", ReasonKind.AMBIGUOUS),
         ),
     )
     first = sections(people_report(unreliable))[""]
     assert r"- 83 % of the path lies outside the area of its \*training\*" in first
-    assert "anchor cone-1" not in first
+    assert "cone-1: any" not in first
 
 
 def test_clock_that_was_not_corrected() -> None:
@@ -209,10 +210,10 @@ def test_clock_that_was_not_corrected() -> None:
     reconstruction = make_reconstruction()
     parts = read(replace(reconstruction, episode=replace(reconstruction.episode, clock=clock)))
     assert (
-        "taken as they are; they may differ by ± 0.823 s (90 % probability): this drive cannot"
-        in parts["How sure it is"]
+        "used as they are. They may differ by ± 0.823 s (90 %): this drive cannot"
+        in parts["Confidence"]
     )
-    assert Advice.ONE_CLOCK in parts["What would improve it"]
+    assert Advice.ONE_CLOCK in parts["How to improve the result"]
 
 
 def test_hostile_ids_stay_text() -> None:
@@ -235,7 +236,7 @@ def test_several_passes_are_told_one_by_one() -> None:
     other = replace(near.episode, name="second *drive*", clock=clock)
     text = people_report(replace(near, more_passes=((other, near.denoised),)))
     assert text.startswith("# Work zone: a drive and 1 more\n")
-    assert "2 drives past the zone were put together: a drive took 19.9 s" in text
+    assert "2 passes were combined: a drive (45.0 m in 19.9 s); second" in text
     assert "In a drive: The time stamps of the ranges were 0.180 s ahead of" in text
     assert r"In second \*drive\*: The time stamps of the ranges were 0.300 s behind those" in text
 
@@ -246,8 +247,8 @@ def test_a_limit_of_one_pass_names_it_and_a_common_one_is_said_once() -> None:
     other = replace(near.episode, name="second", calibration=biased)
     alone = people_report(near)
     text = people_report(replace(near, more_passes=((other, near.denoised),)))
-    assert "In second: All ranges read 0.70 m too long" in text
-    for line in alone.partition("## What limited it")[2].partition("## The cones")[0].splitlines():
+    assert "In second: All ranges are 0.70 m too long" in text
+    for line in alone.partition("## Limitations")[2].partition("## The cones")[0].splitlines():
         assert text.count(line) >= 1
         if line.startswith("- "):
             assert text.count(line) == 1

@@ -140,7 +140,7 @@ def test_reasons_of_an_unreliable_result() -> None:
 
 
 def test_note_names_the_error_of_the_frame_and_its_size() -> None:
-    for words in ("own frame", "on top", "0.2 to 1.0 degrees", "0.2 m"):
+    for words in ("own frame", "not included", "0.2 to 1.0 degrees", "0.2 m"):
         assert words in UNCERTAINTY_NOTE
 
 

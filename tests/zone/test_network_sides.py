@@ -196,7 +196,7 @@ def test_a_cone_on_the_other_side_than_said_is_named() -> None:
     decision = decide(zone(0.6, left), side="left")
     assert [np.sign(fix.position_m[1]) for fix in decision.anchors] == [1, 1, 1, -1, 1, 1]
     assert list(map(str, decision.reasons)) == [
-        "the ranges put c3 on the right; all cones were said to be on the left"
+        "the ranges place c3 on the right; all cones were stated to be on the left"
     ]
 
 

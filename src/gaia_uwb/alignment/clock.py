@@ -28,12 +28,12 @@ from gaia_uwb.config import AlignmentConfig
 from gaia_uwb.episode import ClockOffset
 from gaia_uwb.scene import Scene, Trajectory
 
-_MAX_READINGS = 40_000  # a scan looks at no more; every k-th reading is enough for one number
-_MIN_READINGS = 8  # of one anchor: fewer tell nothing beside its place
+_MAX_READINGS = 40_000  # a scan uses no more; every k-th reading is enough for one number
+_MIN_READINGS = 8  # of one anchor: fewer determine nothing besides its position
 _SCAN_STEP_S = 0.1
 _MAX_STEPS = 8
 _VELOCITY_OVER_S = 0.5
-# So many standard errors from 0 an offset is told from it: the two-sided 0.27 % quantile of
+# An offset this many standard errors from 0 is significant: the two-sided 0.27 % quantile of
 # Student's t (3 sigma of a Gaussian), since a standard error from K stretches of time has K - 1
 # degrees of freedom.
 _DEGREES = np.array([1, 2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 60, np.inf])
@@ -43,12 +43,12 @@ _STANDARD_ERRORS = np.array(
 
 
 def estimate_clock_offset(scene: Scene, config: AlignmentConfig) -> ClockOffset:
-    """Estimate a scene's clock offset and decide whether it can be told from 0.
+    """Estimate a scene's clock offset and decide whether it differs significantly from zero.
 
     Parameters
     ----------
     scene
-        The log; its truth is not looked at.
+        The log; its truth is not used.
     config
         ``clock_offset``, ``max_clock_offset_s``, ``clock_offset_sigma_s``, ``error_correlation_s``
         and ``max_pose_gap_s`` are used.
@@ -59,7 +59,7 @@ def estimate_clock_offset(scene: Scene, config: AlignmentConfig) -> ClockOffset:
         ``applied`` where the estimate is further from 0 than chance brings it in 0.27 % of cases.
     """
     if config.clock_offset == "off":
-        return ClockOffset(0.0, 0.0, False, "both clocks are trusted, as the settings ask")
+        return ClockOffset(0.0, 0.0, False, "both clocks are trusted, as set")
     bound, gap = config.max_clock_offset_s, config.max_pose_gap_s
     every = max(1, len(scene.ranges) // _MAX_READINGS)
     blocks = list(gather_readings(scene, every=every))
@@ -67,7 +67,7 @@ def estimate_clock_offset(scene: Scene, config: AlignmentConfig) -> ClockOffset:
     inside = [_always_posed(scene.trajectory, block.t_s, reach, gap) for block in blocks]
     if max(int(use.sum(axis=1).max()) for use in inside) < _MIN_READINGS:
         prior = config.clock_offset_sigma_s
-        return ClockOffset(0.0, prior, False, "too few ranges along the path to tell")
+        return ClockOffset(0.0, prior, False, "too few ranges along the path to determine it")
 
     def fits(offset_s: float) -> list[Fit]:
         return [
@@ -82,11 +82,11 @@ def estimate_clock_offset(scene: Scene, config: AlignmentConfig) -> ClockOffset:
     stretches = 0
     for _ in range(_MAX_STEPS):
         step, sigma, stretches = _newton_step(scene, offset, blocks, fits(offset), config)
-        if abs(step) > 2 * _SCAN_STEP_S:  # the scan's best is no minimum to refine
+        if abs(step) > 2 * _SCAN_STEP_S:  # the scan's best is not a minimum to refine
             sigma = float(np.hypot(sigma, step))
             break
         offset += step
-        if abs(step) < 1e-4:  # also where nothing tells the offset
+        if abs(step) < 1e-4:  # also where nothing determines the offset
             break
     return _decide(float(np.clip(offset, -bound, bound)), sigma, stretches, config)
 
@@ -179,27 +179,29 @@ def _baseline_s(trajectory: Trajectory) -> float:
 def _decide(
     offset_s: float, sigma_s: float, stretches: int, config: AlignmentConfig
 ) -> ClockOffset:
-    """Apply an offset that can be told from 0; say how large one may be that is not applied.
+    """Apply a significant offset; say how large one may be that is not applied.
 
     What is not applied stays a possible error, so the sigma that goes with it covers it. It never
-    exceeds what is known beforehand of two clocks of one log, unless the log speaks against that.
+    exceeds what is known beforehand about two clocks of one log, unless the log contradicts that.
     """
     prior, bound = config.clock_offset_sigma_s, config.max_clock_offset_s
     left_s = float(np.hypot(sigma_s, offset_s))
     if abs(offset_s) >= bound - _SCAN_STEP_S and sigma_s < bound:
         reason = (
-            f"the best offset lies at the edge of the {bound:g} s that were searched: "
+            f"the best offset lies at the limit of the search range of {bound:g} s; "
             "check the clocks"
         )
         return ClockOffset(offset_s, left_s, False, reason)
     if sigma_s >= prior:
-        reason = "this drive cannot tell it (too straight and too steady)"
+        reason = "the drive is too straight and too steady to determine it"
         return ClockOffset(0.0, prior, False, reason)
     if stretches < 2:
-        reason = f"a drive of less than {config.error_correlation_s:g} s is too short to tell it"
+        reason = (
+            f"a drive of less than {config.error_correlation_s:g} s is too short to determine it"
+        )
         return ClockOffset(0.0, prior, False, reason)
     needed = np.interp(-1.0 / (stretches - 1), -1.0 / _DEGREES, _STANDARD_ERRORS)
     if abs(offset_s) > needed * sigma_s:
-        reason = f"{abs(offset_s) / max(sigma_s, 1e-9):.0f} standard errors from 0"
+        reason = f"significant, {abs(offset_s) / max(sigma_s, 1e-9):.0f} standard errors from zero"
         return ClockOffset(offset_s, sigma_s, True, reason)
-    return ClockOffset(offset_s, min(left_s, prior), False, "cannot be told from 0")
+    return ClockOffset(offset_s, min(left_s, prior), False, "not significantly different from zero")

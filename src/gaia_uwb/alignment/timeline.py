@@ -80,8 +80,8 @@ def align(scene: Scene, config: AlignmentConfig = AlignmentConfig()) -> Episode:
     valid = np.isfinite(range_m)
     if not valid.any():
         raise InputError(
-            "no range is usable: none falls between two readings close enough in time on a known "
-            "stretch of the path",
+            "no usable ranges: no two readings are close enough in time on a known stretch of "
+            "the path",
             source=scene.name,
         )
     return Episode(
@@ -106,7 +106,7 @@ def _check_overlap(scene: Scene, config: AlignmentConfig) -> None:
     if log[0] > path[-1] + slack or log[-1] < path[0] - slack:
         raise InputError(
             f"the clocks do not overlap: the trajectory spans {path[0]:.3f} to {path[-1]:.3f} s, "
-            f"the ranges {log[0]:.3f} to {log[-1]:.3f} s",
+            f"the ranges span {log[0]:.3f} to {log[-1]:.3f} s",
             source=scene.name,
             column="t_s",
         )
@@ -117,8 +117,8 @@ def _check_moves(scene: Scene) -> None:
     span_m = float(np.hypot(*np.ptp(scene.trajectory.position_m, axis=0)))
     if span_m < _LEAST_SPAN_M:
         raise InputError(
-            f"the vehicle hardly moves: its path spans {span_m:.2f} m, and less than "
-            f"{_LEAST_SPAN_M:g} m cannot locate an anchor",
+            f"the vehicle hardly moves: its path spans {span_m:.2f} m, and locating a cone takes "
+            f"at least {_LEAST_SPAN_M:g} m",
             source=scene.name,
         )
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="gaia",
-    help="From the log of a drive past a work zone to the cones and the boundary.",
+    help="Turn the log of a drive past a work zone into cone positions and a boundary.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

@@ -15,12 +15,12 @@ data_app = typer.Typer(help="List, fetch and check data.", no_args_is_help=True)
 
 @data_app.command("list")
 def data_list(data_dir: DataDirOption = None) -> None:
-    """List the data sets that GAIA knows, and whether they are here."""
+    """List the data sets that GAIA knows, and whether each has been downloaded."""
     from gaia_uwb.logs import REGISTRY, data_folder
 
     base = data_folder(data_dir)
     for name, entry in REGISTRY.items():
-        state = "present" if (base / name).is_dir() else "not here"
+        state = "present" if (base / name).is_dir() else "not downloaded"
         typer.echo(f"{name}  [{state}]  {entry.description}")
         typer.echo(f"    licence {entry.licence}; {entry.citation}")
     typer.echo(f"data folder: {base}")
@@ -28,13 +28,13 @@ def data_list(data_dir: DataDirOption = None) -> None:
 
 @data_app.command("fetch")
 def data_fetch(
-    name: Annotated[str, typer.Argument(help="Name of a data set, see 'gaia data list'.")],
+    name: Annotated[str, typer.Argument(help="Name of a data set; see 'gaia data list'.")],
     data_dir: DataDirOption = None,
     base_url: Annotated[
-        str | None, typer.Option(help="Address or folder of a mirror of the data set's files.")
+        str | None, typer.Option(help="URL or folder of a mirror of the data set's files.")
     ] = None,
 ) -> None:
-    """Download a data set, file by file, each checked; call it again to go on."""
+    """Download a data set and verify each file; run it again to resume."""
     from gaia_uwb.logs import fetch
 
     with progress_bar() as progress:
@@ -53,7 +53,7 @@ def data_check(
     data_dir: DataDirOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
-    """Say what a log holds, what is wrong with it and what it can tell; 1 if there are problems."""
+    """Report what a log contains, its problems and what it can support; exit 1 on problems."""
     import json
 
     from gaia_uwb.evaluate import check_source

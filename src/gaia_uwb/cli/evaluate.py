@@ -27,21 +27,20 @@ SCORED = "raw,median,kalman,pose-kalman,gaia-set"
 def evaluate(
     source: SourceArgument,
     out: OutOption = Path("out"),
-    methods: Annotated[
-        str, typer.Option(help="Denoisers to compare, with commas between.")
-    ] = SCORED,
+    methods: Annotated[str, typer.Option(help="Comma-separated denoisers to compare.")] = SCORED,
     solver: SolverOption = None,
     length: Annotated[
-        str, typer.Option(help="Steps in a window, or 'whole' for whole runs.")
+        str, typer.Option(help="Steps per window, or 'whole' for whole runs.")
     ] = "whole",
-    seed: Annotated[int, typer.Option(min=0, help="Of the bootstrap.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Random seed of the bootstrap.")] = 0,
     true_nlos_labels: Annotated[
-        bool, typer.Option("--true-nlos-labels", help="Give wls the true NLOS labels (the paper).")
+        bool,
+        typer.Option("--true-nlos-labels", help="Give wls the true NLOS labels (as in the paper)."),
     ] = False,
     config: ConfigOption = None,
     data_dir: DataDirOption = None,
 ) -> None:
-    """Score denoisers on data with surveyed anchors: results.json, episodes.csv, config.yaml."""
+    """Score denoisers on surveyed data; write results.json, episodes.csv and config.yaml."""
     import json
 
     from gaia_uwb._shared import OutputFolder
@@ -82,8 +81,10 @@ def _methods(methods: str) -> list[str]:
     from gaia_uwb.denoisers import make_denoiser
 
     names = [name.strip() for name in methods.split(",") if name.strip()]
-    if not names or len(set(names)) < len(names):
-        raise ConfigError(f"--methods: expected different denoisers, got {methods!r}")
+    if not names:
+        raise ConfigError(f"--methods: expected at least one denoiser, got {methods!r}")
+    if len(set(names)) < len(names):
+        raise ConfigError(f"--methods: duplicate denoisers in {methods!r}")
     for name in names:
         make_denoiser(name)
     return names

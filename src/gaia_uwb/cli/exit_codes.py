@@ -8,7 +8,7 @@ from typing import NoReturn
 from gaia_uwb._shared import printable
 
 UNRELIABLE = 1
-"""Done, but a result is marked unreliable."""
+"""Done, but a result is unreliable."""
 BAD_INPUT = 2
 """Bad input or usage, with one line on stderr."""
 INTERRUPTED = 130

@@ -17,29 +17,29 @@ def fleet(
     source: Annotated[
         Path,
         typer.Argument(
-            help="A folder with a folder of logs for each zone; a YAML file with a list of logs "
-            "for each zone; or a CSV file with the columns log and zone."
+            help="A folder with one folder of logs per zone; a YAML file with a list of logs per "
+            "zone; or a CSV file with the columns log and zone."
         ),
     ],
     out: OutOption = Path("out"),
-    workers: Annotated[int, typer.Option(min=1, max=256, help="Processes.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, max=256, help="Number of worker processes.")] = 1,
     scheduler: Annotated[
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="Let the workers of this Dask scheduler do it, which see the same files; for "
-            "example tcp://host:8786.",
+            help="Run on this Dask scheduler, for example tcp://host:8786; its workers must see "
+            "the same files.",
         ),
     ] = None,
     config: ConfigOption = None,
 ) -> None:
-    """Fuse the passes of many zones; call it again to go on after an interruption."""
+    """Fuse the passes of many zones; run it again to resume after an interruption."""
     from gaia_uwb._shared import ConfigError, OutputFolder
     from gaia_uwb.config import PipelineConfig, load_config
     from gaia_uwb.fleet import find_zones, reconstruct_fleet, write_tables
 
     if scheduler is not None and workers > 1:
-        raise ConfigError("--workers: a scheduler has workers of its own")
+        raise ConfigError("--workers cannot be combined with --scheduler")
     settings = PipelineConfig() if config is None else load_config(config)
     zones = find_zones(source, out)
     OutputFolder(out)
@@ -56,7 +56,7 @@ def fleet(
     failures = sum(len(result.failures) for result in results)
     unsure = sum(result.status != "ok" for result in results)
     typer.echo(
-        f"{len(zones)} zones: {len(zones) - unsure} ok, {unsure} not; {failures} failures are "
+        f"{len(zones)} zones: {len(zones) - unsure} ok, {unsure} not ok; {failures} failures, "
         f"listed in {out / 'failures.csv'}"
     )
     if failures or unsure:

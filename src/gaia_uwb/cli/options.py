@@ -40,36 +40,37 @@ SourceArgument = Annotated[
     str,
     typer.Argument(
         metavar="SOURCE",
-        help="A log (a folder in GAIA's own format, .bag, .mcap, or a folder with gaia.yaml), a "
-        "folder of logs, or NAME[:PART], such as outdoor-uwb:NLOS/B/4 or sim.",
+        help="A log (a folder in GAIA's own format, a .bag or .mcap file, or a folder with "
+        "gaia.yaml), a folder of logs, or NAME[:PART], such as outdoor-uwb:NLOS/B/4 or sim.",
     ),
 ]
-OutOption = Annotated[Path, typer.Option("--out", help="Folder for the results; made if needed.")]
+OutOption = Annotated[Path, typer.Option("--out", help="Output folder; created if missing.")]
 DataDirOption = Annotated[
     Path | None,
-    typer.Option(help="Folder that holds the data sets, one sub-folder each [GAIA_DATA_DIR]."),
+    typer.Option(help="Folder with the data sets, one subfolder each [GAIA_DATA_DIR]."),
 ]
 ConfigOption = Annotated[
-    Path | None, typer.Option("--config", help="YAML file with settings; options override it.")
+    Path | None, typer.Option("--config", help="YAML settings file; options override it.")
 ]
-SolverOption = Annotated[SolverName | None, typer.Option(help="How anchors are located.")]
+SolverOption = Annotated[SolverName | None, typer.Option(help="How cones are located.")]
 
 SideOption = Annotated[
-    Side | None, typer.Option(help="Known: all cones stand on this side of the path.")
+    Side | None, typer.Option(help="Known: all cones are on this side of the path.")
 ]
 ClosureOption = Annotated[
-    Closure | None, typer.Option(help="Known: the kind of closure; most keep to one side.")
+    Closure | None,
+    typer.Option(help="Known: type of closure; for most, all cones are on one side."),
 ]
 SpacingOption = Annotated[
     float | None,
-    typer.Option(metavar="METRES", help="Known: distance between cones that follow one another."),
+    typer.Option(metavar="METRES", help="Known: distance between consecutive cones."),
 ]
 KnownAnchorOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar="ID=EAST,NORTH",
-        help="Known: a surveyed cone, in local metres, or ID=@LAT,LON in degrees; a third number "
-        "is its standard deviation in metres. May be given more than once.",
+        help="Known: position of a surveyed cone, in local metres, or ID=@LAT,LON in degrees; an "
+        "optional third number is its standard deviation in metres. Can be repeated.",
     ),
 ]
 
@@ -81,7 +82,7 @@ def with_prior(
     spacing_m: float | None,
     known_anchors: list[str] | None,
 ) -> PipelineConfig:
-    """Return settings with what the command line says of the zone.
+    """Return settings with what the command line says about the zone.
 
     Parameters
     ----------
@@ -93,7 +94,7 @@ def with_prior(
     Raises
     ------
     ConfigError
-        If an option is not what it should be.
+        If an option is malformed.
     """
     from gaia_uwb.config import make_config
 
@@ -134,7 +135,7 @@ def version() -> str:
 
 
 def require_torch() -> None:
-    """Say what is missing for a training before any work, in one line."""
+    """Say in one line what a training lacks, before any work."""
     from importlib.util import find_spec
 
     from gaia_uwb._shared import ConfigError

@@ -36,7 +36,7 @@ def reconstruct(
         typer.Argument(
             metavar="SOURCE...",
             help="Logs, folders of logs, or NAME[:PART], such as outdoor-uwb:NLOS/B/4 or sim. "
-            "Several sources are drives past one zone.",
+            "Several sources are passes of one zone.",
         ),
     ],
     out: OutOption = Path("out"),
@@ -44,16 +44,16 @@ def reconstruct(
         bool | None,
         typer.Option(
             "--one-zone/--each-alone",
-            help="Fuse all logs as passes of one zone, or give each a result of its own. Default: "
-            "several sources are fused, the logs in one folder are not.",
+            help="Fuse all logs as passes of one zone, or reconstruct each on its own. Default: "
+            "several sources are fused; logs in one folder are not.",
         ),
     ] = None,
     denoiser: Annotated[
         str | None,
         typer.Option(
             help="gaia-set (default), raw, median, kalman, pose-kalman; or one of the paper's "
-            "networks (mlp, pose-mlp, gaia). Networks take what they were trained on, or a model's "
-            "folder, after a colon: gaia:stress."
+            "networks (mlp, pose-mlp, gaia). For a network, append a model name or folder after a "
+            "colon: gaia:stress."
         ),
     ] = None,
     solver: SolverOption = None,
@@ -63,12 +63,12 @@ def reconstruct(
     closure: ClosureOption = None,
     spacing: SpacingOption = None,
     known_anchor: KnownAnchorOption = None,
-    svg: Annotated[bool, typer.Option("--svg", help="Write plot.svg beside plot.png.")] = False,
+    svg: Annotated[bool, typer.Option("--svg", help="Also write plot.svg.")] = False,
     gis: Annotated[
-        bool, typer.Option("--gis", help="Write boundary.gpkg and boundary.kml, too.")
+        bool, typer.Option("--gis", help="Also write boundary.gpkg and boundary.kml.")
     ] = False,
 ) -> None:
-    """Locate the cones and draw the boundary from the log of a drive, or of several drives."""
+    """Locate the cones and draw the boundary, from the log of one drive or of several."""
     from gaia_uwb._shared import InputError, OutputFolder
     from gaia_uwb.api import load_readable
     from gaia_uwb.evaluate import reconstruct_and_score
@@ -108,17 +108,17 @@ def reconstruct(
 
 
 def _stop_at(failures: Sequence[GaiaError], n_logs: int) -> None:
-    """Tell which logs of several were left out; of a single log the error is the command's own."""
+    """Name the logs that were skipped; the error of a single log is the command's own."""
     if n_logs == 1 and failures:
         raise failures[0]
     for error in failures:
-        sys.stderr.write(f"gaia: left out: {printable(str(error))}\n")
+        sys.stderr.write(f"gaia: skipped: {printable(str(error))}\n")
     if failures:
-        stop(f"{len(failures)} of {n_logs} logs were left out")
+        stop(f"{len(failures)} of {n_logs} logs were skipped")
 
 
 def _folders(out: Path, names: Sequence[str], *, several: bool = False) -> list[Path]:
-    """Return a folder for each scene's results, all different; one that is all of it gets out."""
+    """Return a folder for each scene's results, all different; a single scene gets ``out``."""
     if len(names) == 1 and not several:
         return [out]
     safe = [printable(name).replace("/", "-").lstrip(".")[:100] for name in names]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from gaia_uwb.reproduce import Plan, Workshop
 
-reproduce_app = typer.Typer(help="Repeat the paper's tables and figures.", no_args_is_help=True)
+reproduce_app = typer.Typer(help="Reproduce the paper's tables and figures.", no_args_is_help=True)
 
 
 class Preparation(StrEnum):
@@ -37,14 +37,14 @@ class Split(StrEnum):
 
 
 QuickOption = Annotated[
-    bool, typer.Option("--quick", help="The same code on little data: shows that it runs.")
+    bool, typer.Option("--quick", help="Run the same code on little data, to show that it works.")
 ]
 SeedsOption = Annotated[
     int | None,
-    typer.Option(min=1, max=100, help="Models of each learned method, with seeds 0, 1 ..."),
+    typer.Option(min=1, max=100, help="Models per learned method, with seeds 0, 1, ..."),
 ]
 WorkersOption = Annotated[
-    int | None, typer.Option(min=1, help="Processes that train [as many as there are cores].")
+    int | None, typer.Option(min=1, help="Number of training processes [one per core].")
 ]
 
 
@@ -52,18 +52,18 @@ WorkersOption = Annotated[
 def reproduce_table1(
     out: OutOption = Path("out"),
     split: Annotated[
-        list[Split] | None, typer.Option(help="How windows are held out; all by default.")
+        list[Split] | None, typer.Option(help="How windows are held out [all].")
     ] = None,
     preparation: Annotated[
         list[Preparation] | None,
-        typer.Option(help="Data as a reconstruction prepares them, or as published; both."),
+        typer.Option(help="Data as `reconstruct` prepares them, or as published [both]."),
     ] = None,
     seeds: SeedsOption = None,
     quick: QuickOption = False,
     workers: WorkersOption = None,
     data_dir: DataDirOption = None,
 ) -> None:
-    """Compare all methods on the outdoor UWB data set, in every split, preparation and length."""
+    """Compare all methods on the outdoor UWB data set, for each split, preparation and length."""
 
     def narrowed(plan: Plan) -> Plan:
         from dataclasses import replace
@@ -87,7 +87,7 @@ def reproduce_table2(
     quick: QuickOption = False,
     workers: WorkersOption = None,
 ) -> None:
-    """Compare all methods on the stress test; trains what is missing."""
+    """Compare all methods on the stress test; train the models that are missing."""
     _run("table2", _workshop(out, quick, workers, None, _seeded(seeds)))
 
 
@@ -109,7 +109,7 @@ def reproduce_table4(
     quick: QuickOption = False,
     workers: WorkersOption = None,
 ) -> None:
-    """Score the methods of table 2 on ever worse data, with the same models."""
+    """Score the methods of table 2, with the same models, on increasingly difficult data."""
     _run("table4", _workshop(out, quick, workers, None, _seeded(seeds)))
 
 
@@ -117,7 +117,7 @@ def reproduce_table4(
 def reproduce_table5(
     out: OutOption = Path("out"), quick: QuickOption = False, data_dir: DataDirOption = None
 ) -> None:
-    """Check the simulator against the outdoor UWB data set's runs; two minutes."""
+    """Check the simulator against the runs of the outdoor UWB data set (two minutes)."""
     _run("table5", _workshop(out, quick, None, data_dir), torch=False)
 
 
@@ -125,7 +125,7 @@ def reproduce_table5(
 def reproduce_alignment(
     out: OutOption = Path("out"), quick: QuickOption = False, data_dir: DataDirOption = None
 ) -> None:
-    """Say what the parts of the alignment are worth, on the outdoor UWB data set."""
+    """Measure what each part of the alignment contributes, on the outdoor UWB data set."""
     _run("alignment", _workshop(out, quick, None, data_dir), torch=False)
 
 
@@ -136,7 +136,7 @@ def reproduce_figures(
     workers: WorkersOption = None,
     data_dir: DataDirOption = None,
 ) -> None:
-    """Draw all figures, as PDF for print and as PNG; makes the tables that they show."""
+    """Draw all figures, as PDF for print and as PNG, and make the tables behind them."""
     _run("figures", _workshop(out, quick, workers, data_dir))
 
 
@@ -147,7 +147,7 @@ def reproduce_all(
     workers: WorkersOption = None,
     data_dir: DataDirOption = None,
 ) -> None:
-    """Make every table and figure, and the page; call it again to go on where it was stopped."""
+    """Make every table and figure, and the results page; run it again to resume."""
     from gaia_uwb.reproduce import run_all
 
     require_torch()
@@ -160,15 +160,18 @@ def reproduce_all(
 def reproduce_page(
     out: OutOption = Path("out"),
     page: Annotated[
-        Path | None, typer.Option(help="The page; its pictures go to images/results beside it.")
+        Path | None,
+        typer.Option(
+            help="The page to write; its pictures go to images/results in the same folder."
+        ),
     ] = None,
     prose: Annotated[
         Path | None,
-        typer.Option(help="Text by hand that it includes [results-prose.md beside it]."),
+        typer.Option(help="Handwritten text to include [results-prose.md in the page's folder]."),
     ] = None,
     quick: QuickOption = False,
 ) -> None:
-    """Write the page of results from OUT/results.json."""
+    """Write the results page from OUT/results.json."""
     _write_page(_workshop(out, quick, None, None), page, prose)
 
 
@@ -213,7 +216,7 @@ def _run(name: str, workshop: Workshop, *, torch: bool = True) -> None:
         typer.echo("\n".join(map(written_out, text.read_text(encoding="utf-8").split("\n"))))
     elif workshop.plan.quick:
         typer.echo(QUICK_MARK)
-    typer.echo(f"wrote {workshop.folder.path / 'results.json'} and the files beside it")
+    typer.echo(f"wrote {workshop.folder.path / 'results.json'} and the files next to it")
 
 
 def _write_page(workshop: Workshop, page: Path | None, prose: Path | None) -> None:

@@ -29,7 +29,7 @@ class SimulatedAs(StrEnum):
 
 
 class LayoutPart(StrEnum):
-    """The parts of a preset's layouts; none is in both of the last two."""
+    """The parts of a preset's layouts; no layout is in both of the last two."""
 
     ALL = "all"
     TRAINING = "training"
@@ -44,18 +44,20 @@ class TableFormat(StrEnum):
 
 
 def simulate(
-    out: Annotated[Path, typer.Option("--out", help="Folder for the passes; made if needed.")],
+    out: Annotated[Path, typer.Option("--out", help="Output folder; created if missing.")],
     preset: Annotated[
-        str, typer.Option(help="Kind of pass: a name, or a YAML file with settings.")
+        str, typer.Option(help="Kind of pass: a preset's name, or a YAML settings file.")
     ] = "lane-closure",
     episodes: Annotated[int, typer.Option(min=1, help="Number of passes.")] = 1,
-    seed: Annotated[int, typer.Option(min=0, help="One seed gives the same passes again.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Random seed; the same seed reproduces the same passes.")
+    ] = 0,
     split: Annotated[
-        LayoutPart, typer.Option(help="Layouts kept for training or for the test, or all.")
+        LayoutPart, typer.Option(help="Use all layouts, or those reserved for training or test.")
     ] = LayoutPart.ALL,
     written_as: Annotated[
         SimulatedAs,
-        typer.Option("--as", help="A log in GAIA's format per pass, or one table of episodes."),
+        typer.Option("--as", help="Write one log per pass, or one table of episodes."),
     ] = SimulatedAs.LOGS,
     table_format: Annotated[
         TableFormat, typer.Option("--format", help="File format of the logs' tables.")
@@ -64,21 +66,21 @@ def simulate(
         str | None,
         typer.Option(
             metavar="M,M,...",
-            help="Passes of one zone instead, a log each: how far beside the usual lane each "
-            "keeps, towards the open side, in metres.",
+            help="Simulate several passes of one zone, one log each: the offset of each from the "
+            "usual lane, towards the open side, in metres.",
         ),
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, help="Processes that make episodes.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Number of worker processes.")] = 1,
     calibrate_from: Annotated[
         str | None,
         typer.Option(
             metavar="SOURCE",
-            help="Fit ranging errors to surveyed logs and write them as a preset, no passes.",
+            help="Write a preset with ranging errors fitted to surveyed logs, instead of passes.",
         ),
     ] = None,
     data_dir: DataDirOption = None,
 ) -> None:
-    """Simulate passes along a work zone, with the truth of everything."""
+    """Simulate passes along a work zone, with the full ground truth."""
     if calibrate_from is not None:
         _calibrate(calibrate_from, out, data_dir)
         return
@@ -102,7 +104,7 @@ def simulate(
         else:
             _simulate_logs(config, episodes, seed, out, table_format)
         folder.write_text(_SETTINGS, f"{header}\n{dump_config(config)}")
-    note = f"; {already} of them were there" if already else ""
+    note = f"; {already} of them existed already" if already else ""
     typer.echo(f"wrote {episodes} pass{'es' if episodes > 1 else ''} to {out}{note}")
 
 
@@ -125,7 +127,7 @@ def _simulate_zone(
     try:
         lanes_m = [float(lane) for lane in lanes.split(",")]
     except ValueError as error:
-        raise ConfigError(f"--lanes: expected metres with commas between, got {lanes!r}") from error
+        raise ConfigError(f"--lanes: expected comma-separated metres, got {lanes!r}") from error
     scenes = simulate_zone(config, seed, lanes_m=lanes_m)
     _write_logs(scenes, len(scenes), out, table_format)
     return len(scenes)
@@ -146,9 +148,9 @@ def _write_logs(scenes: Iterable[Scene], n: int, out: Path, table_format: TableF
 def _simulate_episodes(
     config: PassConfig, n: int, seed: int, folder: OutputFolder, settings: str, workers: int
 ) -> int:
-    """Write passes as episodes, one table in parts, and return how many were there already.
+    """Write passes as episodes, one table in parts, and return how many existed already.
 
-    The settings come first: by them the same command knows its own parts and goes on after them.
+    The settings come first: they let the same command recognise its own parts and resume there.
     """
     from gaia_uwb._shared import SourceError
     from gaia_uwb.logs import count_episodes, write_episodes
@@ -156,7 +158,7 @@ def _simulate_episodes(
 
     already = count_episodes(folder.path)
     if already and _text_in(folder.path / _SETTINGS) != settings:
-        raise SourceError(f"{folder.path}: there are episodes already, and not of this command")
+        raise SourceError(f"{folder.path}: already contains episodes from a different command")
     folder.write_text(_SETTINGS, settings)
     with progress_bar() as progress:
         task = progress.add_task("simulate", total=n, completed=already)
@@ -167,7 +169,7 @@ def _simulate_episodes(
 
 
 def _text_in(path: Path) -> str | None:
-    """Return a file's text; None if there is none that can be read."""
+    """Return a file's text; None if it cannot be read."""
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):

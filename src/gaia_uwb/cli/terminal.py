@@ -14,6 +14,7 @@ from gaia_uwb._shared import written_out
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from gaia_uwb.estimate import AnchorFix
     from gaia_uwb.evaluate import Metric
     from gaia_uwb.reconstruction import Reconstruction
 
@@ -55,8 +56,8 @@ def print_summary(
     metrics: Mapping[str, Metric] | None,
     paths: Sequence[Path],
 ) -> None:
-    """Say what was found, how sure it is, and where the files are."""
-    import numpy as np
+    """Say what was found, how certain it is, and where the files are."""
+    from gaia_uwb.evaluate import SIGMAS_90
 
     lines = [f"{result.name}: {result.status.value}"]
     for episode, ranges in result.passes:
@@ -64,30 +65,37 @@ def print_summary(
             lines.append(f"  pass {episode.name}: {int(ranges.valid.sum())} ranges")
         if (clock := episode.clock) is not None:
             lines.append(
-                f"  clock offset {clock.applied_s:+.3f} s +- {clock.sigma_s:.3f} s ({clock.reason})"
+                f"  clock offset {clock.applied_s:+.3f} s ± {SIGMAS_90 * clock.sigma_s:.3f} s "
+                f"(90 %): {clock.reason}"
             )
-    for anchor in result.anchors:
-        east, north = anchor.position_m
-        worst = float(np.sqrt(np.linalg.eigvalsh(anchor.covariance_m2)[1]))
-        lines.append(
-            f"  anchor {anchor.anchor_id}: east {east:.2f} m, north {north:.2f} m, "
-            f"+- {worst:.2f} m, {anchor.status.value}, {anchor.n_ranges} ranges"
-        )
-    lines.append(f"  boundary: {result.boundary.status.value}, {result.boundary.area_m2:.2f} m^2")
+    lines += [f"  {_cone(anchor)}" for anchor in result.anchors]
+    lines.append(f"  boundary: {result.boundary.status.value}, {result.boundary.area_m2:.1f} m²")
     if metrics is not None:
         shown = ("anchor_mae", "polygon_iou", "polygon_hausdorff")
         found = [
             f"{n} {metrics[n].value:.3f} {metrics[n].unit}".rstrip() for n in shown if n in metrics
         ]
         lines.append(f"  against the survey: {', '.join(found)}")
-    lines += [f"  because {reason.text}" for reason in result.reasons]
+    lines += [f"  reason: {reason.text}" for reason in result.reasons]
     lines += [f"  wrote {path}" for path in paths]
     progress.console.file.flush()
     typer.echo("\n".join(map(written_out, lines)))
 
 
+def _cone(anchor: AnchorFix) -> str:
+    """Describe one cone; its uncertainty is the longer semi-axis of the 90 % ellipse."""
+    end = f"{anchor.status.value}, {anchor.n_ranges} ranges"
+    if not anchor.status.has_position:
+        return f"{anchor.anchor_id}: not located, {end}"
+    (east_m, north_m), (longer_m, _) = anchor.position_m, anchor.semi_axes_90_m
+    return (
+        f"{anchor.anchor_id}: east {east_m:.2f} m, north {north_m:.2f} m, "
+        f"± {longer_m:.2f} m (90 %), {end}"
+    )
+
+
 def print_results(results: Mapping[str, Any], path: Path) -> None:
-    """Print the paper's six metrics, one line a method."""
+    """Print the paper's six metrics, one line per method."""
     names = (
         "distance_mse_overall",
         "anchor_mae",
@@ -100,7 +108,7 @@ def print_results(results: Mapping[str, Any], path: Path) -> None:
     typer.echo(
         f"{protocol['data']}, length {protocol['length']}, solver {protocol['solver']}: "
         f"{protocol['episodes']} episodes of {protocol['runs']} runs, "
-        f"{protocol['windows_without_ranges']} windows without ranges left out"
+        f"{protocol['windows_without_ranges']} windows without ranges skipped"
     )
     typer.echo("  ".join(["method".ljust(12), *(name.ljust(22)[:27] for name in names)]))
     for row in results["rows"]:

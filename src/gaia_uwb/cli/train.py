@@ -30,7 +30,7 @@ class Network(StrEnum):
 
 
 class Preparation(StrEnum):
-    """What is done to logs before a network sees them."""
+    """How logs are prepared before a network sees them."""
 
     ALIGNED = "aligned"
     PUBLISHED = "published"
@@ -42,34 +42,37 @@ def train(
     ],
     data: Annotated[
         str,
-        typer.Option(
-            help="sim:PRESET, or logs with surveyed anchors (outdoor-uwb); for gaia-set sim:mixed."
-        ),
+        typer.Option(help="sim:PRESET, or surveyed logs (outdoor-uwb); sim:mixed for gaia-set."),
     ],
-    out: Annotated[Path, typer.Option("--out", help="Folder for the model; made if needed.")],
+    out: Annotated[Path, typer.Option("--out", help="Output folder; created if missing.")],
     split: Annotated[
-        str, typer.Option(help="Logs only: all, or a fold to leave out: window/K, run/K, layout/K.")
+        str,
+        typer.Option(help="Logs only: all, or a fold to hold out: window/K, run/K or layout/K."),
     ] = "all",
     preparation: Annotated[
         Preparation,
-        typer.Option(help="Logs only: as a reconstruction does, or as the paper seems to have."),
+        typer.Option(
+            help="Logs only: as `reconstruct` prepares them, or as the paper appears to have done."
+        ),
     ] = Preparation.ALIGNED,
-    seed: Annotated[int, typer.Option(min=0, help="One seed gives the same model again.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Random seed; the same seed reproduces the same model.")
+    ] = 0,
     base: Annotated[
         Path | None,
-        typer.Option(help="For gaia: folder of a trained pose-mlp. Otherwise it is trained first."),
+        typer.Option(help="gaia only: folder of a trained pose-mlp; without it, one is trained."),
     ] = None,
     recipe: Annotated[
         Path | None,
-        typer.Option(help="YAML file: network, training and sets, as far as not the default."),
+        typer.Option(help="YAML file with overrides for network, training and sets."),
     ] = None,
     portions: Annotated[
         int | None,
-        typer.Option(min=1, help="gaia-set only: portions of 2,048 new scenes to train on."),
+        typer.Option(min=1, help="gaia-set only: number of portions of 2,048 new scenes."),
     ] = None,
     data_dir: DataDirOption = None,
 ) -> None:
-    """Train a network; call it again to go on where it was stopped."""
+    """Train a network; run it again to resume."""
     from gaia_uwb._shared import OutputFolder
     from gaia_uwb.learn import KINDS, load_recipe, make_recipe
 
@@ -103,7 +106,7 @@ def _train_zone(
 
     if data != "sim:mixed" or strange:
         what = ", ".join(strange) or f"--data {data}"
-        raise ConfigError(f"{what}: gaia-set is trained on sim:mixed, as a whole")
+        raise ConfigError(f"{what}: gaia-set can only be trained on the whole of sim:mixed")
     sizes = {"seed": seed} | ({} if portions is None else {"portions": portions})
     task = ZoneTask(GaiaSetArchitecture(), ZoneTrainingOptions.model_validate(sizes), version())
     with progress_bar() as progress:
@@ -112,11 +115,11 @@ def _train_zone(
 
 
 def _watched(progress: ProgressBar, steps: str) -> Progress:
-    """Return what shows the steps of trainings, and says where one goes on."""
+    """Return what shows the steps of trainings, and says where one resumes."""
 
     def each(left: Iterable[int], name: str, done: int) -> Iterator[int]:
         if done:
-            sys.stderr.write(f"{name}: goes on after {done} {steps}\n")
+            sys.stderr.write(f"{name}: resuming after {done} {steps}\n")
         yield from track(progress, list(left), f"train {name}")
 
     return each
@@ -139,7 +142,9 @@ def _window_sets(data: str, split: str, recipe: Recipe, data_dir: Path | None) -
     name, _, part = data.partition(":")
     if name == "sim":
         if split != "all":
-            raise ConfigError(f"--split {split}: the simulator's presets have their own split")
+            raise ConfigError(
+                f"--split {split}: not available for simulated data, which has its own split"
+            )
         return simulated_sets(part, recipe.sets)
     runs = prepare_runs(load_scenes(data, data_dir=data_dir), recipe.sets)
     return logged_sets(runs, data, split, recipe.sets)

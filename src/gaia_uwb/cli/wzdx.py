@@ -31,7 +31,7 @@ class ProfileName(StrEnum):
 
 SchemasOption = Annotated[
     Path | None,
-    typer.Option("--schemas", help="Folder with the official JSON schemas, to check them as well."),
+    typer.Option("--schemas", help="Folder with the official JSON schemas, to check against."),
 ]
 
 
@@ -39,11 +39,13 @@ SchemasOption = Annotated[
 def validate(
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE...", help="Feeds; of several, references are checked too."),
+        typer.Argument(
+            metavar="FILE...", help="Feed files; with several, cross-references are checked."
+        ),
     ],
     schemas: SchemasOption = None,
 ) -> None:
-    """Check feeds: their members, the rules between them, and the official schemas if given."""
+    """Check feeds: their members, the rules between them, and optionally the official schemas."""
     from gaia_uwb.wzdx import OfficialSchemas, validate_files
 
     official = None if schemas is None else OfficialSchemas(schemas)
@@ -57,24 +59,25 @@ def write(
         str,
         typer.Argument(
             metavar="SOURCE",
-            help="A folder of results that 'gaia reconstruct' wrote, or a log like there.",
+            help="A results folder of 'gaia reconstruct', or a log, as for that command.",
         ),
     ],
     config: Annotated[
-        Path, typer.Option("--config", help="YAML file: publisher, road, dates and the like.")
+        Path,
+        typer.Option("--config", help="YAML file with the publisher, road, dates and so on."),
     ],
-    out: Annotated[Path, typer.Option("--out", help="Folder for the feeds; made if needed.")],
+    out: Annotated[Path, typer.Option("--out", help="Output folder; created if missing.")],
     update_date: Annotated[
         str | None,
-        typer.Option(help="When the information is from, like 2026-11-22T10:00:00Z [now]."),
+        typer.Option(help="Date of the information, such as 2026-11-22T10:00:00Z [now]."),
     ] = None,
     profile: Annotated[
-        ProfileName | None, typer.Option(help="Which specification; overrides the file's.")
+        ProfileName | None, typer.Option(help="Specification; overrides the one in the file.")
     ] = None,
     schemas: SchemasOption = None,
     data_dir: DataDirOption = None,
 ) -> None:
-    """Write a WorkZoneFeed and a DeviceFeed of one reconstructed work zone."""
+    """Write a WorkZoneFeed and a DeviceFeed for one reconstructed work zone."""
     from gaia_uwb._shared import OutputFolder
     from gaia_uwb.wzdx import (
         OfficialSchemas,
@@ -104,7 +107,7 @@ def write(
 
 
 def _date(text: str | None) -> datetime:
-    """Read the update date; only where the user gives none, the clock is asked."""
+    """Read the update date; the current time is used only where the user gives none."""
     from datetime import UTC, datetime
 
     from gaia_uwb._shared import ConfigError
@@ -130,7 +133,9 @@ def _zone(source: str, data_dir: Path | None) -> FeedZone:
 
     scenes = load_scenes(source, data_dir=data_dir)
     if len(scenes) > 1:
-        raise ConfigError(f"{source}: holds {len(scenes)} logs; a feed is of one, so name one")
+        raise ConfigError(
+            f"{source}: contains {len(scenes)} logs; a feed describes one, so choose one"
+        )
     return zone_of(reconstruct(scenes[0]))
 
 
@@ -144,7 +149,7 @@ def _print_problems(found: Mapping[Path, list[Problem]] | Mapping[str, list[Prob
         valid &= not errors
         lines = [f"{name}: {problem}" for problem in problems]
         if len(problems) >= MOST_PROBLEMS:
-            lines.append(f"{name}: perhaps more; the first {MOST_PROBLEMS} are listed")
+            lines.append(f"{name}: possibly more; only the first {MOST_PROBLEMS} are listed")
         warnings = len(problems) - errors
         verdict = f"invalid, {_count(errors, 'error')}" if errors else "valid"
         lines.append(
@@ -160,7 +165,7 @@ def _print_zone(zone: FeedZone, paths: Sequence[Path]) -> None:
     length_m = float(np.hypot(*np.diff(zone.line_m, axis=0).T).sum())
     lines = [f"{zone.name}: {len(zone.cones)} cones along {length_m:.0f} m"]
     if zone.unlocated:
-        lines.append(f"  left out, not located: {', '.join(zone.unlocated)}")
+        lines.append(f"  skipped, not located: {', '.join(zone.unlocated)}")
     lines += [f"  unreliable: {reason}" for reason in zone.reasons]
     lines += [f"  wrote {path}" for path in paths]
     typer.echo("\n".join(map(written_out, lines)))

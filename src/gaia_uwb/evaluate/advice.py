@@ -9,47 +9,48 @@ class Advice(StrEnum):
     """One thing to do; the order is that in which a report names them."""
 
     CHECK_LOG = (
-        "Check the log first: the unit of the ranges, the ids of the cones, the heights, and that "
-        "both clocks belong to the same drive."
+        "Check the log first: the unit of the ranges, the ids of the cones, the heights, and "
+        "whether both clocks belong to the same drive."
     )
     CHECK_STATEMENT = (
-        "Check what was said of the zone (`--side`, `--closure`, `--spacing`, `--known-anchor`), "
-        "and the ids of the cones."
+        "Check what was stated about the zone (`--side`, `--closure`, `--spacing`, "
+        "`--known-anchor`), and the ids of the cones."
     )
     CHECK_PASSES = (
         "Check that all logs are of this zone and in one frame, and that each cone has the same id "
         "in all of them."
     )
     CHECK_CONES = (
-        "Find out whether these cones were moved between the passes; if so, give the passes after "
-        "that only."
+        "Find out whether these cones were moved between the passes; if so, use only the later "
+        "passes."
     )
     SECOND_DRIVE = (
         "Drive past a second time in another lane, or along the other side of the work zone: "
-        "ranges from two lines tell the sides apart and fix the cones in both directions."
+        "ranges from two lines distinguish the sides and locate the cones in both directions."
     )
     WEAVE = (
-        "Where a second pass is not possible, change the lane or weave once while passing: a path "
-        "that bends tells left from right."
+        "Where a second pass is not possible, change lanes or weave once while passing: a curved "
+        "path distinguishes left from right."
     )
     SURVEY = (
-        "Survey one of these cones, or note on which side of the road they stand, and say so "
-        "(`--known-anchor`, `--side`); the map shows both places."
+        "Survey one of these cones, or note which side of the road they are on, and state it "
+        "(`--known-anchor`, `--side`); the map shows both positions."
     )
     BOTH_WAYS = (
-        "Drive past once in each direction: a difference of the clocks moves the cones forwards "
-        "on one way and backwards on the other, so it shows."
+        "Drive past once in each direction: a clock offset shifts the cones forwards in one "
+        "direction and backwards in the other, so it becomes visible."
     )
     ONE_CLOCK = (
-        "Better still, stamp positions and ranges by one clock, such as that of the GNSS receiver."
+        "Better still, timestamp positions and ranges with one clock, such as that of the GNSS "
+        "receiver."
     )
     LONGER = "Record more of the drive: start well before the first cone and end after the last."
-    SLOWER = "Drive slower past the cones: at half the speed there are twice as many ranges."
+    SLOWER = "Drive past the cones more slowly: half the speed gives twice as many ranges."
     CHECK_RADIOS = "Check these cones' radios: battery, id, and whether they stand upright."
     LINE_OF_SIGHT = (
         "Mount the vehicle's antenna higher, or pass in the lane next to the cones, so that "
-        "nothing stands between."
+        "nothing blocks the line of sight."
     )
-    HEIGHTS = "Measure the heights of the antennas, to 0.1 m, and give them with the log."
+    HEIGHTS = "Measure the heights of the antennas to 0.1 m, and add them to the log."
     CALIBRATE = "Calibrate the radios (antenna delay) at a known distance."
-    MORE_CONES = "Equip at least three cones that do not stand on one line."
+    MORE_CONES = "Equip at least three cones that are not on one line."

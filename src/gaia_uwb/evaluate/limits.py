@@ -1,7 +1,7 @@
 """What limited a reconstruction, and what to do about it: in plain words, each with its numbers.
 
-Every check looks at one thing in the log or the result and says nothing where that is good enough.
-What is said follows from the data; no truth is needed.
+Every check tests one thing in the log or the result, and says nothing where that is good enough.
+All of it follows from the data; no truth is needed.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Limit:
     kind
         Which.
     text
-        What is so, in one or two plain sentences with numbers.
+        What was found, in one or two plain sentences with numbers.
     advice
         What to do about it.
     """
@@ -97,7 +97,7 @@ def find_limits(
 def limits_of_reasons(
     reasons: Sequence[Reason], *, name: Callable[[str], str] = printable
 ) -> tuple[Limit, ...]:
-    """Say what limited a reconstruction beside its log: what was said of it, passes that disagree.
+    """Say what limited a reconstruction besides its log: wrong statements, passes that disagree.
 
     Parameters
     ----------
@@ -123,12 +123,13 @@ class _Look:
     name: Callable[[str], str]
 
     def cones(self, chosen: Sequence[AnchorFix]) -> str:
-        """Name up to five cones."""
+        """Name up to five cones, or say that it is all of them."""
+        if len(chosen) == len(self.anchors) > 1:
+            return "both cones" if len(chosen) == 2 else f"all {len(chosen)} cones"
         names = [f"{self.name(anchor.anchor_id)}" for anchor in chosen]
         if len(names) > 5:
             names = [*names[:5], f"{len(names) - 5} more"]
-        listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-        return f"cone{'s' if len(names) > 1 else ''} {listed}"
+        return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
     def of_status(self, status: AnchorStatus) -> list[AnchorFix]:
         return [anchor for anchor in self.anchors if anchor.status is status]
@@ -152,7 +153,8 @@ def _misfit(look: _Look) -> Iterator[Limit]:
     if found is not None and found.sigma_m > _MISFIT_M:
         text = (
             f"The ranges do not fit the path: half of them are off by more than "
-            f"{metres(0.67 * found.sigma_m)}, where radios err by a few tenths of a metre."
+            f"{metres(0.67 * found.sigma_m)}, while UWB radios are accurate to a few tenths of a "
+            "metre."
         )
         yield Limit(ReasonKind.MISFIT, text, (Advice.CHECK_LOG,))
 
@@ -164,9 +166,9 @@ def _clock(look: _Look) -> Iterator[Limit]:
     if shift_m <= _CLOCK_SHIFT_M:
         return
     text = (
-        f"How far the clocks of ranges and positions differ is known to ± {sure_s:.2f} s only "
-        f"(90 % probability). At the usual speed of {look.episode.usual_speed_mps:.1f} m/s that is "
-        f"± {metres(shift_m)} along the road, for all cones together."
+        f"The offset between the clocks of ranges and positions is only known to ± {sure_s:.2f} s "
+        f"(90 %). At the typical speed of {look.episode.usual_speed_mps:.1f} m/s, that shifts all "
+        f"cones together by ± {metres(shift_m)} (90 %) along the road."
     )
     yield Limit(ReasonKind.CLOCK, text, (Advice.BOTH_WAYS, Advice.ONE_CLOCK))
 
@@ -176,8 +178,8 @@ def _short_path(look: _Look) -> Iterator[Limit]:
     usual_m = float(np.nanmedian(look.episode.range_m))
     if length_m < _SHORT_BELOW * usual_m:
         text = (
-            f"The vehicle moved within {metres(length_m)} only while it heard the cones, which "
-            f"were {metres(usual_m)} away: seen from there they lie in nearly one direction."
+            f"The vehicle only moved within {metres(length_m)} while in range of the cones, which "
+            f"were {metres(usual_m)} away: from there, each is seen in nearly one direction."
         )
         yield Limit(ReasonKind.SHORT_PATH, text, (Advice.LONGER, Advice.SECOND_DRIVE))
 
@@ -188,15 +190,14 @@ def _unknown_side(look: _Look) -> Iterator[Limit]:
         return
     share = max(anchor.mirror_probability for anchor in open_sides)
     text = (
-        f"On which side of the path {look.cones(open_sides)} "
-        f"{'stands' if len(open_sides) == 1 else 'stand'} is not certain: the other side "
+        f"The side of the path is uncertain for {look.cones(open_sides)}: the other side "
         f"has {'up to ' if len(open_sides) > 1 else ''}{percent(share)} probability."
     )
     length_m, width_m = look.strip_m
     if width_m < _STRAIGHT_BELOW * length_m:
         text += (
             f" The path was straight ({metres(length_m)} long within a strip of "
-            f"{metres(width_m)}), and from a straight path both sides look alike."
+            f"{metres(width_m)}), and a straight path cannot distinguish its two sides."
         )
     yield Limit(ReasonKind.AMBIGUOUS, text, (Advice.SECOND_DRIVE, Advice.WEAVE, Advice.SURVEY))
 
@@ -206,15 +207,17 @@ def _poor_geometry(look: _Look) -> Iterator[Limit]:
     known = [anchor for anchor in poor if np.isfinite(anchor.semi_axes_90_m[0])]
     clock = look.episode.clock
     shift_m = 0.0 if clock is None else clock.sigma_s * look.episode.usual_speed_mps
-    if not poor or shift_m > look.config.solver.ill_conditioned_above_m:  # said of the clock
+    if not poor or shift_m > look.config.solver.ill_conditioned_above_m:  # the clock's fault
         return
-    text = f"The ranges fix {look.cones(poor)} poorly in at least one direction"
+    text = (
+        f"The ranges determine the position of {look.cones(poor)} poorly in at least one direction"
+    )
     if known:
         worst = max(known, key=lambda anchor: anchor.semi_axes_90_m[0])
         longer_m, shorter_m = worst.semi_axes_90_m
         text += (
-            f"; the worst is {look.name(worst.anchor_id)}, ± {metres(longer_m)} one way and "
-            f"± {metres(shorter_m)} the other (90 % probability)"
+            f"; the worst is {look.name(worst.anchor_id)}, ± {metres(longer_m)} in one direction "
+            f"and ± {metres(shorter_m)} across it (90 %)"
         )
     yield Limit(ReasonKind.ILL_CONDITIONED, f"{text}.", (Advice.SECOND_DRIVE, Advice.LONGER))
 
@@ -223,8 +226,8 @@ def _moved(look: _Look) -> Iterator[Limit]:
     moved = look.of_status(AnchorStatus.MOVED)
     if moved:
         text = (
-            f"The passes place {look.cones(moved)} apart by more than their errors: perhaps "
-            f"{'it was' if len(moved) == 1 else 'they were'} moved between them."
+            f"The position of {look.cones(moved)} differs between passes by more than the errors "
+            f"explain: {'it was' if len(moved) == 1 else 'they were'} probably moved."
         )
         yield Limit(ReasonKind.MOVED, text, (Advice.CHECK_CONES,))
 
@@ -232,7 +235,7 @@ def _moved(look: _Look) -> Iterator[Limit]:
 def _not_settled(look: _Look) -> Iterator[Limit]:
     stopped = look.of_status(AnchorStatus.NOT_CONVERGED)
     if stopped:
-        text = f"The calculation for {look.cones(stopped)} did not settle on a place."
+        text = f"The calculation for {look.cones(stopped)} did not reach a stable position."
         yield Limit(ReasonKind.NOT_CONVERGED, text, (Advice.CHECK_LOG, Advice.SECOND_DRIVE))
 
 
@@ -246,8 +249,9 @@ def _lost(look: _Look) -> Iterator[Limit]:
         return
     most = max(anchor.n_ranges for anchor in lost)
     text = (
-        f"No place was found for {look.cones(lost)}: at most {most} usable range"
-        f"{'' if most == 1 else 's'} came in, and {look.config.solver.min_ranges} are needed."
+        f"No position was found for {look.cones(lost)}: {'at most ' if len(lost) > 1 else ''}"
+        f"{most} usable range{'' if most == 1 else 's'}, and {look.config.solver.min_ranges} are "
+        "needed."
     )
     yield Limit(ReasonKind.TOO_FEW_RANGES, text, (Advice.CHECK_RADIOS, *_pace(look)))
 
@@ -256,8 +260,9 @@ def _few_ranges(look: _Look) -> Iterator[Limit]:
     few = [a for a in look.anchors if a.status.has_position and a.n_ranges < _FEW_RANGES]
     if few:
         least = min(few, key=lambda anchor: anchor.n_ranges)
-        whose = "" if len(few) == 1 else f" from {look.name(least.anchor_id)}"
-        text = f"Few ranges came from {look.cones(few)}: {least.n_ranges}{whose}."
+        whose = "" if len(few) == 1 else f", for {look.name(least.anchor_id)}"
+        fewest = "" if len(few) == 1 else "as few as "
+        text = f"There are few ranges to {look.cones(few)}: {fewest}{least.n_ranges}{whose}."
         yield Limit(ReasonKind.FEW_RANGES, text, (Advice.CHECK_RADIOS, *_pace(look)))
 
 
@@ -272,11 +277,14 @@ def _gaps(look: _Look) -> Iterator[Limit]:
                 gaps.append((longest_s, anchor))
     if gaps:
         longest_s, worst = max(gaps, key=lambda gap: gap[0])
-        which = "" if len(gaps) == 1 else f" a while, {look.name(worst.anchor_id)} for"
-        text = (
-            f"Between the first and the last range, {look.cones([a for _, a in gaps])} could not "
-            f"be heard for{which} {longest_s:.1f} s in a row."
-        )
+        cones = look.cones([anchor for _, anchor in gaps])
+        if len(gaps) == 1:
+            text = f"{cones} was out of range or blocked for {longest_s:.1f} s."
+        else:
+            text = (
+                f"For a while, {cones} were out of range or blocked; the longest gap was "
+                f"{longest_s:.1f} s ({look.name(worst.anchor_id)})."
+            )
         yield Limit(ReasonKind.GAPS, text, (Advice.LINE_OF_SIGHT, *_pace(look)))
 
 
@@ -288,16 +296,15 @@ def _blocked(look: _Look) -> Iterator[Limit]:
     blocked = [
         (float(part), anchor)
         for part, anchor in zip(share, look.anchors, strict=True)
-        # What is too long is said by comparison with the place, so that must be a good one.
+        # A range is too long by comparison with the position, so that must be a good one.
         if part > _BLOCKED_SHARE and anchor.status in (AnchorStatus.OK, AnchorStatus.AMBIGUOUS)
     ]
     if blocked:
         worst = max(part for part, _ in blocked)
         text = (
-            f"Of the ranges of {look.cones([anchor for _, anchor in blocked])}, "
-            f"{'up to ' if len(blocked) > 1 else ''}{percent(worst)} read more than "
-            f"{metres(beyond_m)} too long, which is what happens where something stands between "
-            "cone and vehicle."
+            f"Of the ranges to {look.cones([anchor for _, anchor in blocked])}, "
+            f"{'up to ' if len(blocked) > 1 else ''}{percent(worst)} are too long by more than "
+            f"{metres(beyond_m)}, as happens when the line of sight is blocked."
         )
         yield Limit(ReasonKind.BLOCKED, text, (Advice.LINE_OF_SIGHT, Advice.SECOND_DRIVE))
 
@@ -307,7 +314,7 @@ def _range_bias(look: _Look) -> Iterator[Limit]:
     if found is not None and abs(found.bias[0]) > _BIAS_M:
         way = "long" if found.bias[0] > 0 else "short"
         text = (
-            f"All ranges read {metres(abs(found.bias[0]))} too {way} at 10 m. This was taken off, "
+            f"All ranges are {metres(abs(found.bias[0]))} too {way} at 10 m. This was corrected, "
             "but it is more than calibrated radios show."
         )
         yield Limit(ReasonKind.RANGE_BIAS, text, (Advice.CALIBRATE, Advice.HEIGHTS))
@@ -316,9 +323,9 @@ def _range_bias(look: _Look) -> Iterator[Limit]:
     if own:
         worst = max(own, key=lambda anchor: abs(anchor.range_bias_m))
         text = (
-            f"The ranges of {look.cones(own)} differ from those of the others, by "
-            f"{metres(abs(worst.range_bias_m))} for {look.name(worst.anchor_id)}. This was taken "
-            "off as well."
+            f"The ranges to {look.cones(own)} have a bias of their own, "
+            f"{'' if len(own) == 1 else 'up to '}{metres(abs(worst.range_bias_m))}"
+            f"{'' if len(own) == 1 else f' ({look.name(worst.anchor_id)})'}. This was corrected."
         )
         yield Limit(ReasonKind.RANGE_BIAS, text, (Advice.CALIBRATE,))
 
@@ -331,8 +338,8 @@ def _heights(look: _Look) -> Iterator[Limit]:
     change_m = float(np.hypot(nearest_m, 1.0) - nearest_m)
     if change_m > _HEIGHT_M:
         text = (
-            "Not all heights of the antennas are known, so ranges count as level. At the nearest, "
-            f"{metres(nearest_m)}, a difference in height of 1 m changes a range by "
+            "Not all antenna heights are known, so ranges are treated as horizontal. At the "
+            f"shortest range, {metres(nearest_m)}, a height difference of 1 m changes a range by "
             f"{metres(change_m)}."
         )
         yield Limit(ReasonKind.HEIGHTS, text, (Advice.HEIGHTS,))

@@ -1,7 +1,7 @@
-"""What a log holds, how much of it is usable, and what stands in the way, in plain words.
+"""What a log contains, how much of it is usable, and what stands in the way, in plain words.
 
-These are looks at the raw log: nothing here is denoised or reconstructed, and nothing of the truth
-is used. "Usable" leaves out readings that cannot help whatever is done with them later: outside the
+These checks use the raw log: nothing here is denoised or reconstructed, and no truth is used.
+"Usable" excludes readings that cannot help whatever is done with them later: outside the
 trajectory's time, negative, and spikes. What the geometry allows is in ``observability.py``.
 """
 
@@ -18,7 +18,7 @@ from gaia_uwb.evaluate.observability import Observability, observe
 from gaia_uwb.scene import Scene, Trajectory
 
 GAP_S = 0.3
-"""Two readings of an anchor further apart than this, and than 2.5 usual steps, have a gap between
+"""Two readings of an anchor further apart than this, and than 2.5 typical steps, have a gap between
 them."""
 
 SPIKE_M = 1.0
@@ -28,7 +28,7 @@ _PAIRS, _FEWEST_PAIRS = 7, 3  # of readings before, about and after a reading
 _NEAR_M, _STANDS_M = 0.5, 0.1
 
 PARKED_BELOW_M = 1.0
-"""A vehicle whose whole path fits into this stood still."""
+"""A vehicle whose whole path spans less than this stood still."""
 
 STRAIGHT_BELOW = 0.02
 """A path whose width is a smaller share of its length than this is straight."""
@@ -74,8 +74,8 @@ class AnchorCheck:
     n_gaps, longest_gap_s
         Gaps longer than :data:`GAP_S`, and the longest time between two readings.
     outside_share, negative_share, spike_share, repeat_share
-        Readings outside the trajectory's time, below 0, more than :data:`SPIKE_M` off their
-        neighbours, and equal to the one before.
+        Readings outside the trajectory's time, below 0, more than :data:`SPIKE_M` away from their
+        neighbours, and equal to the previous one.
     usable_share
         Readings that are none of these.
     rssi_share
@@ -111,7 +111,7 @@ class CheckReport:
     drive, anchors
         The numbers; ``None`` and empty where the log could not be read.
     observability
-        What the log can tell; ``None`` where the vehicle is parked or no reading is usable.
+        What the log can support; ``None`` where the vehicle is parked or no reading is usable.
     problems
         What will spoil a reconstruction, or why the log cannot be read.
     notes
@@ -172,7 +172,7 @@ def _finite(value: Any) -> Any:
 
 _LONGEST_LINE = 1500
 _HEADING = (
-    "  anchor        readings     Hz   gaps  longest   usable  outside  negative   spikes  repeats"
+    "  cone          readings     Hz   gaps  longest   usable  outside  negative   spikes  repeats"
     "   RSSI"
 )
 
@@ -186,14 +186,14 @@ def _anchor_line(a: AnchorCheck) -> str:
 
 
 def check_scene(scene: Scene, notes: tuple[str, ...] = ()) -> CheckReport:
-    """Look at a scene's raw log.
+    """Check a scene's raw log.
 
     Parameters
     ----------
     scene
         The log.
     notes
-        What its loader has to say about it.
+        Notes of its loader.
 
     Returns
     -------
@@ -208,7 +208,7 @@ def check_scene(scene: Scene, notes: tuple[str, ...] = ()) -> CheckReport:
     >>> drive = Trajectory(t_s, np.column_stack([t_s, 0 * t_s]))
     >>> log = RangeLog(t_s, np.zeros(20, dtype=np.int64), 25.0 - t_s)
     >>> check_scene(Scene("pass", drive, log, ("cone-1",))).problems[0]
-    'the path is straight: an anchor and its mirror image beside it fit equally well'
+    'the path is straight: each cone and its mirror position fit equally well'
     """
     drive = _check_drive(scene.trajectory)
     anchors = tuple(_check_anchor(scene, index) for index in range(scene.n_anchors))
@@ -270,7 +270,7 @@ def _check_anchor(scene: Scene, index: int) -> AnchorCheck:
 def _spikes(
     t_s: Float64[Array, "R"], range_m: Float64[Array, "R"], drive: Trajectory
 ) -> Bool[Array, "R"]:
-    """Return which readings do not go with most pairs of other readings near them.
+    """Return which readings contradict most pairs of other readings near them.
 
     Along a chord of the path the square of the distance to any place is that at its ends, between
     them in proportion, less w (1 - w) times the chord's square: so two readings predict a third
@@ -319,20 +319,22 @@ def _share(found: Bool[Array, "R"]) -> float:
 
 def _problems(drive: DriveCheck, anchors: tuple[AnchorCheck, ...]) -> Iterator[str]:
     if drive.extent_m < PARKED_BELOW_M:
-        yield f"the vehicle is parked: its whole path fits into {drive.extent_m:.2f} m"
+        yield f"the vehicle is parked: its whole path spans {drive.extent_m:.2f} m"
     elif drive.straightness < STRAIGHT_BELOW:
-        yield "the path is straight: an anchor and its mirror image beside it fit equally well"
+        yield "the path is straight: each cone and its mirror position fit equally well"
     for anchor in anchors:
-        if anchor.n_usable < MIN_USABLE:
+        if not anchor.n_readings:
+            yield f"{anchor.anchor_id}: no readings"
+        elif anchor.n_usable < MIN_USABLE:
             yield (
-                f"anchor {anchor.anchor_id} has {anchor.n_usable} usable readings of "
-                f"{anchor.n_readings}: it cannot be located"
+                f"{anchor.anchor_id}: only {anchor.n_usable} of {anchor.n_readings} readings are "
+                "usable, too few to locate it"
             )
         elif anchor.usable_share < 0.5:
             share = f"{anchor.usable_share:.0%}"
-            yield f"only {share} of the readings of anchor {anchor.anchor_id} are usable"
+            yield f"{anchor.anchor_id}: only {share} of the readings are usable"
     if len(anchors) < 3:
-        yield f"a boundary needs 3 anchors, this log has {len(anchors)}"
+        yield f"a boundary needs 3 cones, but this log has {len(anchors)}"
 
 
 def _notes(scene: Scene, drive: DriveCheck, anchors: tuple[AnchorCheck, ...]) -> Iterator[str]:
@@ -340,11 +342,11 @@ def _notes(scene: Scene, drive: DriveCheck, anchors: tuple[AnchorCheck, ...]) ->
         yield f"the trajectory has a gap of {drive.longest_step_s:.1f} s"
     n_outside = sum(round(a.outside_share * a.n_readings) for a in anchors)
     if n_outside:
-        yield f"{n_outside} of {len(scene.ranges)} readings lie outside the trajectory's time"
+        yield f"{n_outside} of {len(scene.ranges)} readings are outside the trajectory's time"
     heights = scene.anchor_up_m
     if scene.trajectory.up_m is None or heights is None or np.isnan(heights).any():
-        yield "not all heights are known: ranges count as horizontal where one is missing"
+        yield "not all heights are known: ranges are treated as horizontal where one is missing"
     if scene.frame is None:
-        yield "the place on Earth is unknown: results are in local metres, and there can be no feed"
+        yield "no geographic reference: results are in local metres, and no feed can be written"
     if scene.truth is None:
-        yield "no surveyed anchors: nothing to score against"
+        yield "no surveyed cones: nothing to score against"

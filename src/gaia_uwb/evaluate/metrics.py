@@ -82,7 +82,7 @@ class Metric:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.value) and self.n >= 1):
             raise InputError(
-                f"expected a finite value of at least one thing, got {self.value} of {self.n}",
+                f"expected a finite value over at least one item, got {self.value} over {self.n}",
                 column=self.name,
             )
 
@@ -149,9 +149,7 @@ def score_episode(
             source=episode.name,
         )
     if (ids := tuple(fix.anchor_id for fix in anchors)) != episode.anchor_ids:
-        raise InputError(
-            f"expected fixes of the anchors {episode.anchor_ids}, got {ids}", source=episode.name
-        )
+        raise InputError(f"expected fixes for {episode.anchor_ids}, got {ids}", source=episode.name)
     observed = episode.valid.any(axis=0)
     has_position = observed & np.array([fix.status.has_position for fix in anchors])
     located = _Located.of(anchors, truth.anchor_m, has_position)
@@ -324,7 +322,8 @@ def aggregate(
     """
     if not per_episode or len(groups) != len(per_episode):
         raise InputError(
-            f"expected episodes and a group for each, got {len(per_episode)} and {len(groups)}"
+            f"expected one group per episode, got {len(per_episode)} episodes and "
+            f"{len(groups)} groups"
         )
     results = {}
     for name in dict.fromkeys(name for scores in per_episode for name in scores):

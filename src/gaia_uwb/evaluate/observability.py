@@ -1,17 +1,17 @@
-"""What a log can tell at best: clocks, coverage, and the geometry of the path around each anchor.
+"""What a log can show at best: clocks, coverage, and the geometry of the path around each anchor.
 
-Anchors are located roughly from the raw readings, with both places that a straight path leaves
-open. From there three things are plain to see before anything is reconstructed:
+Anchors are located roughly from the raw readings, with both positions that a straight path allows.
+Three things then follow before anything is reconstructed:
 
-- *DOP* (dilution of precision): metres of error of a place per metre of range error, as far as that
-  error lasts some seconds. Ranges of one stretch of :data:`STRETCH_S` seconds err alike (a body in
-  the way, multipath), so a stretch counts as one range, however many readings it has. Seen once
-  from two directions at right angles, an anchor has a DOP of 1.4; seen from one direction only, it
-  is infinite, and no number of readings helps.
+- *DOP* (dilution of precision): metres of position error per metre of range error that lasts some
+  seconds. Ranges within a stretch of :data:`STRETCH_S` seconds have similar errors (an obstacle,
+  multipath), so a stretch counts as one range, however many readings it has. Seen once from two
+  directions at right angles, an anchor has a DOP of 1.4; seen from one direction only, it is
+  infinite, and no number of readings helps.
 - *View*: the angle under which the anchor sees the stretch of path where it was heard.
-- *Side*: whether its own ranges tell the anchor from its mirror image across the path. Here, too, a
-  stretch counts as one range. A reconstruction sees more (the zone as a whole, ``sides.py``), so
-  that a side that is open here may still come out right there.
+- *Side*: whether its own ranges distinguish the anchor from its mirror position across the path.
+  Again, a stretch counts as one range. A reconstruction uses more (the zone as a whole,
+  ``sides.py``), so a side that is ambiguous here may still be resolved there.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from gaia_uwb.alignment import (
 )
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import ClockOffset
+from gaia_uwb.evaluate.limits import SIGMAS_90
 from gaia_uwb.scene import Scene
 from gaia_uwb.solver import Solutions, solve
 
@@ -45,7 +46,7 @@ STRETCH_S = 0.5 * _SETTINGS.alignment.error_correlation_s
 
 _MOST_READINGS = 40_000
 _SIGMA_M = 0.1  # a unit only: the solver estimates the scale
-_MUCH = 99  # of a DOP: more is not told apart
+_MUCH = 99  # larger DOPs are not distinguished
 _ONE_PLACE_M = 0.3
 _WIDE_M = 1.0
 _FEW_STRETCHES = 3  # in fewer, an error that lasts bends the place to the path unseen
@@ -79,16 +80,16 @@ class AnchorView:
 
     @property
     def side_told(self) -> bool:
-        """Whether its ranges alone tell on which side of the path it stands.
+        """Whether its ranges alone determine its side of the path.
 
-        Seen from too few directions an anchor may stand anywhere on a circle, whatever the odds.
+        Seen from too few directions an anchor may be anywhere on a circle, whatever the odds.
         """
         return self.side_log_odds > _TOLD and self.dop <= POOR_DOP
 
 
 @dataclass(frozen=True)
 class Observability:
-    """What can be told from one log.
+    """What one log can show.
 
     Parameters
     ----------
@@ -109,38 +110,39 @@ class Observability:
         """Return the numbers as lines of text."""
         lines = [
             f"  clock offset: {self._clock()}",
-            f"  heard: at least one anchor in {self.any_share:.0%} of the seconds, "
-            f"at least three in {self.three_share:.0%}",
+            f"  in range: at least one cone for {self.any_share:.0%} of the drive, at least three "
+            f"for {self.three_share:.0%}",
         ]
         if self.anchors:
-            lines.append("  anchor         nearest   view     DOP   side of the path")
+            lines.append("  cone           nearest   view     DOP   side of the path")
         for a in self.anchors:
-            side = "told" if a.side_told else "open"
+            side = "clear" if a.side_told else "ambiguous"
             dop = f"{a.dop:.1f}" if a.dop < _MUCH else f">{_MUCH}"
             lines.append(
                 f"  {a.anchor_id:<12}{a.nearest_m:>8.1f} m{a.view_deg:>6.0f}°{dop:>8}   {side}"
             )
         if self.anchors:
             lines.append(
-                "  DOP: metres that a place errs per metre of range error that lasts; 2 is good, "
-                f"above {POOR_DOP:g} poor"
+                "  DOP: metres of position error per metre of lasting range error; 2 is good, "
+                f"above {POOR_DOP:g} is poor"
             )
         return lines
 
     def _clock(self) -> str:
-        clock = self.clock
+        clock, sure_s = self.clock, SIGMAS_90 * self.clock.sigma_s
         if clock.applied:
             word = "ahead" if clock.applied_s > 0 else "behind"
-            return f"radio {abs(clock.applied_s):.3f} +- {clock.sigma_s:.3f} s {word}, taken out"
-        return f"none taken out, may be +- {clock.sigma_s:.3f} s: {clock.reason}"
+            offset = f"radio {word} by {abs(clock.applied_s):.3f} s ± {sure_s:.3f} s (90 %)"
+            return f"{offset}, corrected"
+        return f"0 s ± {sure_s:.3f} s (90 %), not corrected: {clock.reason}"
 
     def problems(self) -> Iterator[str]:
         """Yield what keeps anchors from being located well, and what to do about it."""
         poor = [a for a in self.anchors if a.dop > POOR_DOP]
         if poor:
             yield (
-                f"{_names(poor)}: seen from too few directions (DOP above {POOR_DOP:g}), so that "
-                "range errors move the place many times as far: drive past, or all around"
+                f"{_names(poor)}: seen from too few directions (DOP above {POOR_DOP:g}), so range "
+                "errors are multiplied in the position; drive all the way past, or around"
             )
 
     def notes(self) -> Iterator[str]:
@@ -150,28 +152,28 @@ class Observability:
             yield f"{_names(open_)}: {_OPEN}"
         if self.three_share < 0.5 and len(self.anchors) >= 3:
             share = f"{self.three_share:.0%}"
-            yield f"three anchors at once were heard in {share} of the drive's seconds only"
+            yield f"three cones were in range at once for only {share} of the drive"
 
 
 _OPEN = (
-    "the ranges alone leave the side of the path open; the zone as a whole may tell it, and a "
-    "bend, weaving once or a second pass on another line does"
+    "the ranges alone do not determine the side of the path; the zone as a whole may, and a bend, "
+    "weaving once or a second pass in another lane will"
 )
 
 
 def _names(anchors: list[AnchorView]) -> str:
     ids = [a.anchor_id for a in anchors]
     more = f" and {len(ids) - 5} more" if len(ids) > 5 else ""
-    return f"anchor{'s' if len(ids) > 1 else ''} {', '.join(ids[:5])}{more}"
+    return f"{', '.join(ids[:5])}{more}"
 
 
 def observe(scene: Scene) -> Observability:
-    """Tell what a log can tell.
+    """Say what a log can show.
 
     Parameters
     ----------
     scene
-        The log, of a vehicle that moves; its truth is not looked at.
+        The log, of a vehicle that moves; its truth is not used.
 
     Returns
     -------
@@ -216,7 +218,7 @@ def _views(scene: Scene, readings: Readings, offset_s: float) -> Iterator[Anchor
         range_m[:, None],
         _SIGMA_M,
         height_m=(pose.up_m, up_m),
-        # The likelihood takes the readings for independent ones, so the prior must keep pace.
+        # The likelihood treats the readings as independent, so the prior must keep pace.
         bias_sigma_m=_SETTINGS.calibration.bias_sigma_m / np.sqrt(in_stretch),
     )
     for row, n in enumerate(readings.anchors):
@@ -226,7 +228,7 @@ def _views(scene: Scene, readings: Readings, offset_s: float) -> Iterator[Anchor
 
 
 def _readings_in_stretch(readings: Readings) -> float:
-    """Return how many readings of an anchor err alike, at least 1."""
+    """Return how many readings of an anchor share one error, at least 1."""
     step_s = np.diff(readings.t_s)
     step_s = step_s[step_s > 0]
     return max(STRETCH_S / float(np.median(step_s)), 1.0) if step_s.size else 1.0

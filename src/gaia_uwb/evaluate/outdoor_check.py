@@ -1,4 +1,4 @@
-"""What the public outdoor data set's still measurements show."""
+"""What the static measurements of the public outdoor data set show."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _FEW_STATIC_READINGS = 50
 
 
 def check_outdoor_static(folder: Path) -> CheckReport:
-    """Look at the static files of the outdoor data set.
+    """Check the static files of the outdoor data set.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ def check_outdoor_static(folder: Path) -> CheckReport:
     Raises
     ------
     InputError
-        If there are none, or one is not what it should be.
+        If there are none, or one is malformed.
     """
     files = load_static(folder)
 
@@ -32,7 +32,9 @@ def check_outdoor_static(folder: Path) -> CheckReport:
     if empty:
         notes.append(f"{len(empty)} files have no readings: {_names(empty)}")
     if few:
-        notes.append(f"{len(few)} files have fewer than {_FEW_STATIC_READINGS}: {_names(few)}")
+        notes.append(
+            f"{len(few)} files have fewer than {_FEW_STATIC_READINGS} readings: {_names(few)}"
+        )
     if damaged:
         notes.append(f"{len(damaged)} files have garbled rows: {_names(damaged)}")
     return CheckReport("outdoor-uwb, static files", notes=tuple(notes))

@@ -1,4 +1,4 @@
-"""How well measured ranges fit the places that were found: what a reader looks at to trust them.
+"""How well measured ranges fit the positions that were found: what a reader checks to trust them.
 
 A residual is the measured range (freed of the radios' common bias) minus the distance to the
 anchor's place and minus the anchor's own bias. Where line of sight was blocked it is positive, and

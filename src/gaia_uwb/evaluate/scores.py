@@ -115,7 +115,7 @@ def make_test(
             else:
                 empty += 1
     if not episodes:
-        raise InputError(f"no run is long enough for a window of {length} steps with ranges")
+        raise InputError(f"no run has a window of {length} steps with ranges")
     return Test(tuple(episodes), tuple(groups), empty)
 
 

@@ -1,4 +1,4 @@
-"""Check all that a source names."""
+"""Check everything that a source names."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gaia_uwb.logs import REGISTRY, dataset_folder, import_function
 
 
 def check_source(source: str, *, data_dir: Path | None = None) -> list[CheckReport]:
-    """Check all that a source names; a scene that cannot be read gets a report that says so.
+    """Check everything that a source names; an unreadable scene gets a report that says so.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ def check_source(source: str, *, data_dir: Path | None = None) -> list[CheckRepo
     Returns
     -------
     list of CheckReport
-        One per scene; for a whole data set, one more on what its scenes do not show.
+        One per scene; for a whole data set, one more about what its scenes do not show.
 
     Raises
     ------

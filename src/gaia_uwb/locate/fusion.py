@@ -45,7 +45,7 @@ _OWN_DEGREES = 8.0  # the scale of all anchors counts like so many degrees of fr
 
 @dataclass(frozen=True)
 class Disagreement:
-    """An anchor that the passes place apart, as if it had been moved between them.
+    """An anchor whose position differs between the passes, so that it was probably moved.
 
     Parameters
     ----------
@@ -84,11 +84,11 @@ class Fused:
     error_scale: float
 
     def reasons(self) -> Iterator[Reason]:
-        """Tell where the passes disagree."""
+        """Say where the passes disagree."""
         for apart in self.disagreements[:_MOST_NAMED]:
             text = (
-                f"anchor {apart.anchor_id}: {apart.pass_name} alone places it "
-                f"{apart.distance_m:.2f} m from where another pass does"
+                f"{apart.anchor_id}: its position from {apart.pass_name} alone is "
+                f"{apart.distance_m:.2f} m from that of another pass"
             )
             yield Reason(
                 ReasonKind.PASSES_APART,
@@ -99,8 +99,8 @@ class Fused:
             )
         if self.error_scale > _NOT_ONE_FRAME:
             text = (
-                f"the passes differ by {self.error_scale:.0f} times their standard errors over "
-                "most anchors: check that they are of one zone, in one frame and with the same ids"
+                f"the passes differ by {self.error_scale:.0f} times their standard errors for "
+                "most cones: check that they are of one zone, in one frame and with the same ids"
             )
             numbers = {"error_scale": self.error_scale}
             yield Reason(ReasonKind.NOT_ONE_ZONE, text, numbers=numbers)
@@ -131,7 +131,7 @@ def fuse(passes: Sequence[LocatedPass], config: PipelineConfig = PipelineConfig(
 
 
 def mark_moved(anchors: Sequence[AnchorFix], fused: Fused) -> tuple[AnchorFix, ...]:
-    """Give anchors that the passes place apart the status that says so.
+    """Give anchors whose position differs between passes the status that says so.
 
     Parameters
     ----------

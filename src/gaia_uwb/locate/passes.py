@@ -57,7 +57,7 @@ def in_one_frame(scenes: Sequence[Scene]) -> list[Scene]:
     for k, scene in enumerate(ordered):
         for earlier in ordered[:k]:
             if same_drive(earlier, scene):
-                problem = f"the same drive as {earlier.name}: its readings would count twice"
+                problem = f"the same drive as {earlier.name}, so its readings would count twice"
                 raise InputError(problem, source=scene.name)
     first = ordered[0].frame
     if first is None:
@@ -86,7 +86,7 @@ def _order(scene: Scene) -> tuple[str, float, int, float]:
 
 def _no_common_frame(loose: Scene, tied: Scene) -> InputError:
     return InputError(
-        f"not tied to WGS84, but {tied.name} is: the two have no frame in common",
+        f"not tied to WGS84, but {tied.name} is, so the two have no common frame",
         source=loose.name,
     )
 
@@ -129,8 +129,8 @@ def _in_frame(scene: Scene, frame: LocalFrame) -> Scene:
     position_m, up_m = _carried(scene.frame, frame, path.position_m, path.up_m)
     if np.abs(position_m).max() > _FARTHEST_M + np.abs(path.position_m).max():
         raise InputError(
-            f"too far from the other passes to be of one zone: {np.abs(position_m).max():.0f} m "
-            "from their frame's origin",
+            f"too far from the other passes to be of the same zone: "
+            f"{np.abs(position_m).max():.0f} m from the origin of their frame",
             source=scene.name,
         )
     anchor_up_m = scene.anchor_up_m

@@ -52,7 +52,7 @@ LOCAL = "local east/north metres, not WGS84"
 
 @dataclass(frozen=True)
 class Ellipse:
-    """A confidence ellipse about an estimated place.
+    """A confidence ellipse about an estimated position.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def boundary_geojson(reconstruction: Reconstruction, *, local: bool = False) -> 
     reconstruction
         What to describe.
     local
-        Write east and north in metres even where the place on Earth is known; a plain map draws
+        Write east and north in metres even if there is a geographic reference; a plain map draws
         these.
 
     Returns

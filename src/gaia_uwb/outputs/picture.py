@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette for all kinds of colour vision, without its yellow, which paper swallows.
+# Okabe and Ito's palette for all kinds of colour vision, without its yellow, faint on paper.
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#000000")
 _DASHES = ("-", "--", ":", "-.")
 _INNER, _OUTER = "#009E73", "#7A4FA3"
@@ -39,7 +39,7 @@ def plot_reconstruction(
 ) -> Figure:
     """Draw the site from above, the ranges over time, and what the denoiser changed.
 
-    Where the drive is far longer than the work zone, a close-up of the zone stands beside it.
+    Where the drive is far longer than the work zone, a close-up of the zone is drawn next to it.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def plot_reconstruction(
         axes = _add_site(figure, (0.07, 0.51, 0.91, 0.39), drive_m)
     _draw_site(axes, reconstruction, cones)
     if truth_m is not None:
-        axes.plot(*truth_m.T, "x", color=_INK, ms=6, mew=1, label="true place", zorder=7)
+        axes.plot(*truth_m.T, "x", color=_INK, ms=6, mew=1, label="true position", zorder=7)
     _name_cones(axes, cones, avoid_m=np.concatenate([cones.mirror_m[:, 1], known_m]))
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0.476),
@@ -137,7 +137,9 @@ def _write_title(figure: Figure, reconstruction: Reconstruction) -> None:
     located = sum(anchor.status.has_position for anchor in reconstruction.anchors)
     boundary, status = reconstruction.boundary, reconstruction.status
     area = f"{boundary.area_m2:.1f} m²" if boundary.status is BoundaryStatus.OK else "no area"
-    summary = f"{located} of {len(reconstruction.anchors)} cones located, boundary: {area}"
+    n_cones = len(reconstruction.anchors)
+    found = f"all {n_cones}" if located == n_cones > 1 else f"{located} of {n_cones}"
+    summary = f"{found} cones located, boundary: {area}"
     colour = _INK
     if status is not ReconstructionStatus.OK:
         summary = f"{status.value.upper()}: {'; '.join(map(str, reconstruction.reasons))}"
@@ -170,7 +172,7 @@ def _mark_close_up(overview: Axes, close_up: Axes) -> None:
     corners_north_m = [south_m, south_m, north_m, north_m, south_m]
     overview.plot(corners_east_m, corners_north_m, color=_INK, lw=0.9, zorder=8)
     overview.set_title("the drive", size=9, loc="left", pad=3)
-    close_up.set_title("the work zone: the box on the left", size=9, loc="left", pad=3)
+    close_up.set_title("the work zone (the box on the left)", size=9, loc="left", pad=3)
 
 
 def _draw_site(axes: Axes, reconstruction: Reconstruction, cones: _Cones) -> None:
@@ -178,7 +180,7 @@ def _draw_site(axes: Axes, reconstruction: Reconstruction, cones: _Cones) -> Non
 
     boundary = reconstruction.boundary
     for k, (episode, _) in enumerate(reconstruction.passes):
-        path, start = ("path of the tag", "start") if k == 0 else (None, None)
+        path, start = ("path of the vehicle's antenna", "start") if k == 0 else (None, None)
         axes.plot(*episode.position_m.T, color=_PATH, lw=1.2, label=path, zorder=1)
         axes.plot(*episode.position_m[0], "s", color=_PATH, ms=6, label=start, zorder=1)
     if boundary.status is BoundaryStatus.OK:
@@ -202,16 +204,16 @@ def _draw_site(axes: Axes, reconstruction: Reconstruction, cones: _Cones) -> Non
         axes.add_collection(around, autolim=False)
         east_m, north_m = cones.mirror_m[:, 1].T
         axes.plot(east_m, north_m, "o", mfc="white", mec=_WARNING, ms=5.5, zorder=5,
-                  label="other place of an ambiguous cone")  # fmt: skip
+                  label="other possible position of a cone")  # fmt: skip
 
 
 def _draw_regions(axes: Axes, found: BoundaryUncertainty) -> None:
-    """Draw the outlines within which, and beyond which, everything is sure."""
+    """Draw the outlines of the inner and the outer region."""
     from matplotlib.collections import PolyCollection
 
     for region, colour, label in (
-        (found.inner, _INNER, "inside for sure (90 %)"),
-        (found.outer, _OUTER, "nothing beyond (90 %)"),
+        (found.inner, _INNER, "inside the zone (90 %)"),
+        (found.outer, _OUTER, "contains the zone (90 %)"),
     ):
         rings_m = [ring for rings in region.polygons for ring in rings]
         if rings_m:
@@ -246,7 +248,7 @@ def _draw_ranges(figure: Figure, reconstruction: Reconstruction) -> None:
     upper.set_ylabel("range (m)", size=9)
     when = "time since the start (s)"
     if reconstruction.more_passes:
-        when = "the passes one after another (s)"
+        when = "time, passes one after another (s)"
     lower.set_ylabel("raw − denoised (m)", size=9)
     lower.set_ylim(-1.1 * bound_m, 1.1 * bound_m)
     lower.set_xlabel(when, size=9)
@@ -296,9 +298,9 @@ def _name_colours(axes: Axes, anchor_ids: Sequence[str]) -> None:
 
 
 def _name_cones(axes: Axes, cones: _Cones, avoid_m: Float64[Array, "P 2"]) -> None:
-    """Write each cone's name beside its ellipse where it covers no mark and no other name.
+    """Write each cone's name next to its ellipse, where it covers no mark and no other name.
 
-    A name that finds no room is left out.
+    A name without room is omitted.
     """
     unit = SCREEN_DPI / 72.0 * _NAME_POINTS
     to_pixel, to_metre = axes.transData.transform, axes.transData.inverted().transform

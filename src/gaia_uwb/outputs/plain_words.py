@@ -1,7 +1,7 @@
 """The result in plain words, for the people who put the cones there: ``report.md``.
 
-What was found, how sure that is, what limited it and what to do about it. Every sentence follows
-from the reconstruction; ids and names are shown as text, whatever marks they hold.
+What was found, how certain that is, what limited it and how to improve it. Every sentence follows
+from the reconstruction; ids and names are shown as text, whatever characters they contain.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from gaia_uwb.scene import LocalFrame
 
 _STATES = {
     AnchorStatus.OK: "located",
-    AnchorStatus.AMBIGUOUS: "side not certain",
-    AnchorStatus.ILL_CONDITIONED: "poorly fixed",
-    AnchorStatus.NOT_CONVERGED: "not settled",
-    AnchorStatus.MOVED: "perhaps moved",
+    AnchorStatus.AMBIGUOUS: "side uncertain",
+    AnchorStatus.ILL_CONDITIONED: "poorly determined",
+    AnchorStatus.NOT_CONVERGED: "no stable position",
+    AnchorStatus.MOVED: "probably moved",
     AnchorStatus.TOO_FEW_RANGES: "not located",
 }
-_SMALL_S, _SMALL_M = 0.0005, 0.005  # what is less is not worth a sentence
+_SMALL_S, _SMALL_M = 0.0005, 0.005  # less than this is not worth a sentence
 
 
 def people_report(reconstruction: Reconstruction) -> str:
@@ -50,7 +50,7 @@ def people_report(reconstruction: Reconstruction) -> str:
     >>> from gaia_uwb.simulate import PRESETS, simulate_pass
     >>> report = people_report(reconstruct(simulate_pass(PRESETS["lane-closure"], seed=0)))
     >>> print(report.splitlines()[2])
-    **Reliable.** 8 of 8 cones were located. The work zone covers 1122 m².
+    **Reliable.** All 8 cones were located. The work zone covers 1,122 m².
     """
     limits = _all_limits(reconstruction)
     blocks = [
@@ -58,16 +58,16 @@ def people_report(reconstruction: Reconstruction) -> str:
         *_summary(reconstruction),
         "## What was found",
         _bullets(_found(reconstruction)),
-        "## How sure it is",
+        "## Confidence",
         _bullets(_sureness(reconstruction)),
-        "## What limited it",
+        "## Limitations",
         *_limits(limits),
-        "## What would improve it",
+        "## How to improve the result",
         *_advice(limits),
         "## The cones",
         "\n".join(_table(reconstruction)),
-        "The map (`map.html`) shows all of this and the ranges along the drive; `report.json` "
-        "holds the same result for programs.",
+        "The map (`map.html`) shows all of this, and the ranges along the drive. `report.json` "
+        "contains the same result for programs.",
     ]
     return "\n\n".join(blocks) + "\n"
 
@@ -81,19 +81,21 @@ def _located(reconstruction: Reconstruction) -> list[AnchorFix]:
 
 
 def _summary(reconstruction: Reconstruction) -> Iterator[str]:
-    located, boundary = len(_located(reconstruction)), reconstruction.boundary
+    boundary, n_cones = reconstruction.boundary, len(reconstruction.anchors)
+    located = _of_all(len(_located(reconstruction)), n_cones)
     area = {
         BoundaryStatus.OK: f"The work zone covers {_square_metres(boundary.area_m2)}.",
         BoundaryStatus.TOO_FEW_ANCHORS: "That is too few for a boundary.",
-        BoundaryStatus.COLLINEAR: "They stand on one line, so they enclose no area.",
+        BoundaryStatus.COLLINEAR: "They are on one line, so they enclose no area.",
     }[boundary.status]
     good = reconstruction.status is ReconstructionStatus.OK
-    verdict = "Reliable." if good else "Check before use."
-    yield f"**{verdict}** {located} of {len(reconstruction.anchors)} cones were located. {area}"
-    # What is wrong with single cones is said here in plainer words, and below with numbers.
+    verdict = "Reliable." if good else "Needs review."
+    verb = "was" if n_cones == 1 else "were"
+    yield f"**{verdict}** {located[:1].upper()}{located[1:]} {verb} located. {area}"
+    # Problems of single cones are stated here in plainer words, and below with numbers.
     others = [reason.text for reason in reconstruction.reasons if not reason.kind.is_anchor_status]
     if reconstruction.reasons:
-        yield "It needs a check because of:"
+        yield "Reasons:"
         yield _bullets([*map(in_markdown, others), *_doubtful_cones(reconstruction.anchors)])
 
 
@@ -101,20 +103,23 @@ def _doubtful_cones(anchors: Sequence[AnchorFix]) -> Iterator[str]:
     """Count the cones that are not simply located."""
     undecided = sum(anchor.side_is_open for anchor in anchors)
     if undecided:
-        verb = "stands" if undecided == 1 else "stand"
-        yield f"the side of the path on which {_of_all(undecided, anchors)} {verb} is not certain"
+        yield f"the side of the path is uncertain for {_of_all(undecided, len(anchors))}"
     for status, state in _STATES.items():
         count = sum(anchor.status is status for anchor in anchors)
         if count and status not in (AnchorStatus.OK, AnchorStatus.AMBIGUOUS):
-            yield f"{_of_all(count, anchors)}: {state}"
+            yield f"{_of_all(count, len(anchors))}: {state}"
 
 
-def _of_all(count: int, anchors: Sequence[AnchorFix]) -> str:
-    return f"{count} of {len(anchors)} cones"
+def _of_all(count: int, n_cones: int) -> str:
+    if n_cones == 1:
+        return "the only cone" if count else "0 of 1 cone"
+    if count == n_cones:
+        return "both cones" if n_cones == 2 else f"all {n_cones} cones"
+    return f"{count} of {n_cones} cones"
 
 
 def _all_limits(reconstruction: Reconstruction) -> list[Limit]:
-    """Return what limited the result; what is so in one of several passes only names that pass."""
+    """Return what limited the result; a limit of only one of several passes names that pass."""
     anchors, config = reconstruction.anchors, reconstruction.config
     found = [
         (in_markdown(episode.name), limit)
@@ -153,21 +158,21 @@ def _found(reconstruction: Reconstruction) -> Iterator[str]:
         yield f"Not located: {names}."
     used = (
         f"{sum(anchor.n_ranges for anchor in reconstruction.anchors)} ranges (measured distances) "
-        f"to {len(reconstruction.anchors)} cones were used."
+        f"to {len(reconstruction.anchors)} cones"
     )
     drives = []
     for episode, _ in reconstruction.passes:
         length_m = float(np.hypot(*np.diff(episode.position_m, axis=0).T).sum())
-        drives.append(f"took {episode.t_s[-1] - episode.t_s[0]:.1f} s over {metres(length_m)}")
+        drives.append(f"{metres(length_m)} in {episode.t_s[-1] - episode.t_s[0]:.1f} s")
     if reconstruction.more_passes:
         named = zip(reconstruction.passes, drives, strict=True)
-        each = "; ".join(f"{in_markdown(e.name)} {drive}" for (e, _), drive in named)
-        yield f"{len(drives)} drives past the zone were put together: {each}. In all, {used}"
+        each = "; ".join(f"{in_markdown(e.name)} ({drive})" for (e, _), drive in named)
+        yield f"{len(drives)} passes were combined: {each}. In total, they used {used}."
     else:
-        yield f"The drive {drives[0]}; {used}"
+        yield f"The drive covered {drives[0]} and used {used}."
     if reconstruction.episode.frame is None:
         yield (
-            "The place on Earth is not known to the log: places are metres east and north of its "
+            "The log has no geographic reference: positions are in metres east and north of its "
             "own origin."
         )
 
@@ -179,39 +184,38 @@ def _sureness(reconstruction: Reconstruction) -> Iterator[str]:
         reach_m = [anchor.semi_axes_90_m[0] for anchor in known]
         worst = known[int(np.argmax(reach_m))]
         yield (
-            f"With 90 % probability a cone stands within {metres(float(np.median(reach_m)))} of "
-            f"its place (half of the cones closer); for {in_markdown(worst.anchor_id)}, the least "
-            f"certain, it is {metres(max(reach_m))}."
+            f"The 90 % error radius is {metres(float(np.median(reach_m)))} for the median cone and "
+            f"{metres(max(reach_m))} for the worst ({in_markdown(worst.anchor_id)})."
         )
     yield from _regions(reconstruction)
     if located:
         doubt = max(located, key=lambda anchor: anchor.mirror_probability)
         yield (
-            "That holds if a cone stands on the side of the path where it was put. The other side "
-            f"has {'' if doubt.mirror_probability < 0.01 else 'at most '}"
+            "This assumes that each cone is on the side of the path shown. The other side has "
+            f"{'' if doubt.mirror_probability < 0.01 else 'at most '}"
             f"{percent(doubt.mirror_probability)} probability ({in_markdown(doubt.anchor_id)})."
         )
     if reconstruction.stated:
         yield (
-            f"What was said of the zone was taken as given: "
-            f"{'; '.join(map(in_markdown, reconstruction.stated))}. Sides and places rest on that "
-            "as well as on the ranges; if it is wrong, so may they be."
+            f"What was stated about the zone was used: "
+            f"{'; '.join(map(in_markdown, reconstruction.stated))}. Sides and positions depend on "
+            "it as well as on the ranges. If it is wrong, they may be wrong too."
         )
     residual_m = _residual_m(reconstruction)
     misfit_m = residual_m[np.isfinite(residual_m)]
     if misfit_m.size:
         half_m, most_m = np.quantile(misfit_m, [0.5, 0.95])
         yield (
-            f"Half of the ranges fit these places to {metres(half_m)} or better, 95 of 100 to "
-            f"{metres(most_m)} or better."
+            f"Half of the ranges fit these positions within {metres(half_m)}, and 95 % within "
+            f"{metres(most_m)}."
         )
     for episode, _ in reconstruction.passes:
         where = f"In {in_markdown(episode.name)}: " if reconstruction.more_passes else ""
         yield from (where + line for line in _corrections(episode))
     yield (
-        "All this is relative to the positions of the drive. An error of these (base station, "
-        "map datum) moves all cones together and comes on top; size and shape of the zone are "
-        "free of it."
+        "All this is relative to the positions of the drive. An error in those positions (base "
+        "station, datum) shifts all cones together and is not included above. It does not affect "
+        "the size or shape of the zone."
     )
 
 
@@ -222,15 +226,12 @@ def _regions(reconstruction: Reconstruction) -> Iterator[str]:
     sure, outer = percent(found.probability), _square_metres(found.outer.area_m2)
     if found.inner.area_m2 > 0.0:
         inner = (
-            f"With {sure} probability all of a region of {_square_metres(found.inner.area_m2)} is "
-            "work zone"
+            f"A region of {_square_metres(found.inner.area_m2)} lies inside the work zone with "
+            f"{sure} confidence"
         )
     else:
-        inner = f"No place is work zone with {sure} probability"
-    yield (
-        f"{inner}, and with {sure} probability none of the work zone lies outside a region of "
-        f"{outer}; the map shows both."
-    )
+        inner = f"No area can be called work zone with {sure} confidence"
+    yield f"{inner}; the whole zone lies within a region of {outer} with {sure} confidence."
 
 
 def _corrections(episode: Episode) -> Iterator[str]:
@@ -239,21 +240,20 @@ def _corrections(episode: Episode) -> Iterator[str]:
         way = "ahead of" if clock.offset_s > 0 else "behind"
         yield (
             f"The time stamps of the ranges were {abs(clock.offset_s):.3f} s {way} those of the "
-            "positions and were corrected, to within "
-            f"{max(SIGMAS_90 * clock.sigma_s, 0.001):.3f} s (90 % probability)."
+            "positions. This was corrected, to "
+            f"± {max(SIGMAS_90 * clock.sigma_s, 0.001):.3f} s (90 %)."
         )
     elif clock is not None and clock.sigma_s > _SMALL_S:
         yield (
-            "The time stamps of ranges and positions were taken as they are; they may differ by "
-            f"± {max(SIGMAS_90 * clock.sigma_s, 0.001):.3f} s (90 % probability): "
-            f"{in_markdown(clock.reason)}."
+            "The time stamps of ranges and positions were used as they are. They may differ by "
+            f"± {max(SIGMAS_90 * clock.sigma_s, 0.001):.3f} s (90 %): {in_markdown(clock.reason)}."
         )
     bias_m = 0.0 if found is None else float(found.bias[0])
     if abs(bias_m) > _SMALL_M:
         way = "long" if bias_m > 0 else "short"
         yield (
-            f"The ranges read {metres(abs(bias_m))} too {way} at 10 m, as the log itself shows, "
-            "and were corrected."
+            f"The ranges were {metres(abs(bias_m))} too {way} at 10 m, estimated from the log "
+            "itself. This was corrected."
         )
 
 
@@ -262,8 +262,8 @@ def _limits(limits: Sequence[Limit]) -> Iterator[str]:
         yield _bullets([limit.text for limit in limits])
         return
     yield (
-        "No check found a limit. Checked were: clocks, length of the path, sides, geometry, number "
-        "of ranges, gaps, line of sight, range bias, heights."
+        "No check found one. Checked were clocks, path length, sides, geometry, number of ranges, "
+        "gaps, line of sight, range bias and heights."
     )
 
 
@@ -273,15 +273,15 @@ def _advice(limits: Sequence[Limit]) -> Iterator[str]:
     if steps:
         yield "\n".join(f"{k}. {step}" for k, step in enumerate(steps, start=1))
     else:
-        yield "Nothing in this log asks for another drive."
+        yield "Nothing in this log calls for another drive."
 
 
 def _table(reconstruction: Reconstruction) -> Iterator[str]:
     frame = reconstruction.episode.frame
     residual_m = _residual_m(reconstruction)
-    names = ["Cone", "State", "East (m)", "North (m)"]
+    names = ["Cone", "Status", "East (m)", "North (m)"]
     names += [] if frame is None else ["Latitude (°)", "Longitude (°)"]
-    names += ["Within, 90 % (m)", "This side", "Ranges", "Usual misfit (m)"]
+    names += ["90 % radius (m)", "This side", "Ranges", "Median residual (m)"]
     yield _row(names)
     yield _row(["---", "---", *["---:"] * (len(names) - 2)])
     for anchor, column_m in zip(reconstruction.anchors, residual_m.T, strict=True):
@@ -298,7 +298,7 @@ def _table(reconstruction: Reconstruction) -> Iterator[str]:
         ])  # fmt: skip
         if anchor.side_is_open:
             place = _place(frame, anchor.mirror_position_m)
-            yield _row([in_markdown(anchor.anchor_id), "other possible place", *place, "",
+            yield _row([in_markdown(anchor.anchor_id), "other position", *place, "",
                         percent(anchor.mirror_probability), "", ""])  # fmt: skip
 
 
@@ -322,4 +322,4 @@ def _number(value: float) -> str:
 
 
 def _square_metres(area_m2: float) -> str:
-    return f"{area_m2:.{1 if area_m2 < 100 else 0}f} m²"
+    return f"{area_m2:,.{1 if area_m2 < 100 else 0}f} m²"

@@ -1,26 +1,26 @@
-"""Everything that a reconstruction leaves on disk.
+"""Everything that a reconstruction writes.
 
 ===================  ========================================================================
-file                 what it holds
+file                 what it contains
 ===================  ========================================================================
-``anchors.csv``      one row per anchor: place, uncertainty, status
+``anchors.csv``      one row per anchor: position, uncertainty, status
 ``ranges.parquet``   one row per pass, step and anchor with a range: before and after denoising
 ``boundary.geojson`` boundary, cones and ellipses for a GIS (``geojson.py``)
-``boundary.gpkg``    the same as layers of a GeoPackage; only where it is asked for
-``boundary.kml``     the same for a globe; only where it is asked for and the place is known
+``boundary.gpkg``    the same as layers of a GeoPackage; only on request
+``boundary.kml``     the same for a globe; only on request and with a geographic reference
 ``plot.png``         the site from above and the ranges over time (``picture.py``)
-``plot.svg``         the same to scale and to edit; only where it is asked for
+``plot.svg``         the same to scale and to edit; only on request
 ``map.html``         an interactive map that needs no network (``interactive_map.py``)
-``report.md``        the result in plain words: how sure, what limits it (``plain_words.py``)
+``report.md``        the result in plain words: confidence, limitations (``plain_words.py``)
 ``config.yaml``      every setting, read back by ``gaia reconstruct --config``
-``report.json``      the result for programs; written last, so where it is new, all files are
+``report.json``      the result for programs; written last, so if it is new, all files are
 ===================  ========================================================================
 
-The two tables are written from the result itself; all else is made before a file is written.
-In ``ranges.parquet``, ``range_m`` is the measured range on the trajectory's timeline, freed of the
-radios' common bias (``range_calibration`` in the report), and ``denoised_range_m`` with ``sigma_m``
-is what the denoiser made of it; a value that is not usable is null, and ``valid`` is whether the
-denoised one is.
+The two tables are written from the result itself; everything else is made before any file is
+written. In ``ranges.parquet``, ``range_m`` is the measured range on the trajectory's timeline, less
+the radios' common bias (``range_calibration`` in the report), and ``denoised_range_m`` with
+``sigma_m`` is what the denoiser made of it. A value that is not usable is null; ``valid`` says
+whether the denoised one is usable.
 """
 
 from __future__ import annotations
@@ -56,10 +56,11 @@ SCHEMA = 2
 
 UNCERTAINTY_NOTE = (
     "covariance_m2 is the covariance of (east, north) of an anchor in the trajectory's own frame, "
-    "given that the side of the path is right (see mirror_probability). An error of that frame "
-    "(GNSS datum, base station, heading of a local frame) moves and turns all anchors together and "
-    "comes on top: in the public outdoor UWB data set the frames of trajectory and survey differ "
-    "by 0.2 to 1.0 degrees and up to 0.2 m. Shape and area of the boundary are free of it."
+    "given that the side of the path is right (see mirror_probability). An error in that frame "
+    "(GNSS datum, base station, heading of a local frame) shifts and rotates all anchors together "
+    "and is not included: in the public outdoor UWB data set the frames of trajectory and survey "
+    "differ by 0.2 to 1.0 degrees and up to 0.2 m. It does not affect the shape or area of the "
+    "boundary."
 )
 
 
@@ -79,8 +80,9 @@ def make_report(
     -------
     dict
         Strict JSON values only: what is unknown is None, never NaN. ``clock_offset_s`` is the shift
-        that the ranges got, ``clock_offset`` says how it was found; both and ``range_calibration``
-        belong to a pass and are None at the top where several were fused. Lengths are in metres.
+        applied to the ranges, ``clock_offset`` says how it was found. Both, like
+        ``range_calibration``, belong to a pass, and are None at the top level where several passes
+        were fused. Lengths are in metres.
     """
     episode, boundary = reconstruction.episode, reconstruction.boundary
     alone = None if reconstruction.more_passes else episode
@@ -134,15 +136,15 @@ def write_all(
     reconstruction
         What to write.
     folder
-        Made if needed. Files of an earlier run are replaced one by one, each as a whole; its
-        ``report.json`` goes first and the new one comes last, so that where there is a report,
-        all files belong to it.
+        Created if missing. Files of an earlier run are replaced one by one, each as a whole; the
+        old ``report.json`` is removed first and the new one written last, so that where there is a
+        report, all files belong to it.
     metrics
         Scores against a known truth, by name.
     svg
-        Write ``plot.svg`` too, which takes as long as ``plot.png`` does.
+        Also write ``plot.svg``, which takes as long as ``plot.png``.
     gis
-        Write ``boundary.gpkg`` and, where the place on Earth is known, ``boundary.kml`` too.
+        Also write ``boundary.gpkg`` and, with a geographic reference, ``boundary.kml``.
 
     Raises
     ------

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 def other_place(anchor: AnchorFix) -> tuple[Float64[Array, "2"], Float64[Array, "2 2"]]:
-    """Return the other place and its covariance; NaN where there is none."""
+    """Return the mirror position and its covariance; NaN where there is none."""
     if anchor.has_mirror:
         return anchor.mirror_position_m, anchor.mirror_covariance_m2
     return np.full(2, np.nan), np.full((2, 2), np.nan)
 
 
 def write_anchors(reconstruction: Reconstruction, path: Path) -> None:
-    """Write one row per anchor as CSV: place, uncertainty, status.
+    """Write one row per anchor as CSV: position, uncertainty, status.
 
     Parameters
     ----------

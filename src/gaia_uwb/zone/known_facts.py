@@ -1,18 +1,18 @@
-"""What a user knows of a zone beforehand, and whether the ranges bear it out.
+"""What a user knows about a zone beforehand, and whether the ranges agree with it.
 
-Four things can be said (:class:`gaia_uwb.config.PriorConfig`): the side on which the cones stand,
-the kind of closure, the spacing of neighbouring cones, and surveyed places of some cones. Each
+Four things can be stated (:class:`gaia_uwb.config.PriorConfig`): the side that the cones are on,
+the type of closure, the spacing of neighbouring cones, and surveyed positions of some cones. Each
 becomes a log likelihood ratio of every combination of sides, which ``sides.py`` adds to the ranges'
-evidence; a surveyed place is also taken into the cone's own place, and a spacing into its
-neighbours'.
+evidence; a surveyed position is also fused with the cone's own, and a spacing with those of its
+neighbours.
 
-Nothing is taken for certain: with the small probability ``statement_error`` a statement says
-nothing at all, and where it holds it may be wrong of single cones or pairs. So a wrong statement
-costs a bounded amount of evidence, and good ranges outvote it. Whether it holds is told by the
+Nothing is treated as certain: with the small probability ``statement_error`` a statement says
+nothing at all, and where it holds it may be wrong for single cones or pairs. So a wrong statement
+costs a bounded amount of evidence, and good ranges outvote it. Whether it holds is judged by the
 evidence with it over that without it (Bayes factor): below 1/20, it is reported as contradicted.
 
-The side is that of the nearest stretch of path, in the direction of travel. A kind of closure says
-only that all cones stand on one side, whichever; of a median crossover it says nothing.
+The side is that of the nearest stretch of path, in the direction of travel. A type of closure only
+says that all cones are on one side, left or right; a median crossover says nothing.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _ROUNDS = 3
 
 @dataclass(frozen=True)
 class KnownFacts:
-    """What was said of one zone, beside the path of the drive.
+    """What was stated about one zone, and the path of the drive.
 
     Parameters
     ----------
@@ -82,7 +82,9 @@ class KnownFacts:
         for known in prior.known_anchors:
             if known.anchor_id not in episode.anchor_ids:
                 ids = ", ".join(episode.anchor_ids[:8])
-                raise ConfigError(f"known anchor {known.anchor_id!r}: the log has {ids}")
+                raise ConfigError(
+                    f"known anchor {known.anchor_id!r}: not in the log, which has {ids}"
+                )
             place_m = _surveyed_place(known, episode.frame)
             surveyed[episode.anchor_ids.index(known.anchor_id)] = (place_m, known.sigma_m)
         return cls(prior, episode.position_m, surveyed, episode.anchor_ids)
@@ -137,7 +139,7 @@ class KnownFacts:
         side: Int64[Array, "K M"],
         weight: Float64[Array, "K"],
     ) -> tuple[KnownFacts | None, tuple[Reason, ...]]:
-        """Return the facts that the ranges do not speak against, and what they say of the others.
+        """Return the facts that the ranges do not contradict, and reasons against the others.
 
         Parameters
         ----------
@@ -179,16 +181,16 @@ class KnownFacts:
         ids: Sequence[str],
         reasons: Sequence[Reason],
     ) -> tuple[Reason, ...]:
-        """Name the cones that clearly stand on the other side than was said, if there are any.
+        """Name the cones that are clearly not on the stated side, if there are any.
 
         Parameters
         ----------
         place_m, covariance_m2 : (M, 2), (M, 2, 2)
-            Where the cones were found to stand, in metres, and how sure that is.
+            Where the cones were found, in metres, and how certain that is.
         ids
             Their names.
         reasons
-            What was already said against a statement: one that is not used has no exceptions.
+            Reasons already found against a statement: one that is not used has no exceptions.
         """
         side = self.prior.side
         if side is None or any("side" in reason.statements for reason in reasons):
@@ -201,7 +203,7 @@ class KnownFacts:
         other = "right" if side == "left" else "left"
         more = f" and {len(wrong) - 5} more" if len(wrong) > 5 else ""
         names = f"{', '.join(wrong[:5])}{more}"
-        text = f"the ranges put {names} on the {other}; all cones were said to be on the {side}"
+        text = f"the ranges place {names} on the {other}; all cones were stated to be on the {side}"
         return (Reason(ReasonKind.EXCEPTION, text, cones=tuple(wrong), statements=("side",)),)
 
     def _statement(self, words: str, setting: str, log_ratio: Float64[Array, "K"]) -> Statement:
@@ -240,7 +242,7 @@ class KnownFacts:
         return np.asarray(np.log((1.0 - error) * density / elsewhere + error).sum(axis=1))
 
     def with_surveys(self, hypotheses: Hypotheses) -> Hypotheses:
-        """Take surveyed places into the hypotheses that they agree with.
+        """Fuse surveyed positions with the hypotheses that they agree with.
 
         Parameters
         ----------
@@ -309,7 +311,8 @@ def _surveyed_place(known: KnownAnchor, frame: LocalFrame | None) -> Float64[Arr
         return np.array([known.east_m, known.north_m])
     if frame is None:
         raise ConfigError(
-            f"known anchor {known.anchor_id!r}: the log has no place on Earth, give east and north"
+            f"known anchor {known.anchor_id!r}: the log has no geographic reference, so give "
+            "east and north"
         )
     place_m, _ = to_local(frame, np.array([known.lat_deg]), np.array([known.lon_deg]))
     return np.asarray(place_m[0])

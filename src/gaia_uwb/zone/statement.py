@@ -1,4 +1,4 @@
-"""One thing that a user has said of a zone, and whether the ranges speak against it."""
+"""One statement of a user about a zone, and whether the ranges contradict it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Statement:
     log_ratio: Float64[Array, "K"]
 
     def contradiction(self, weight: Float64[Array, "K"]) -> Reason | None:
-        """Return that the ranges speak against it, or None where they do not.
+        """Return a reason if the ranges contradict it, None if they do not.
 
         Parameters
         ----------
@@ -43,8 +43,8 @@ class Statement:
         if factor >= _CONTRADICTED:
             return None
         text = (
-            f'the ranges speak against "{self.words}", which is not used: they are at least '
-            f"{1.0 / factor:.0f} times likelier without it"
+            f'the ranges contradict "{self.words}", so it is not used: they are at least '
+            f"{1.0 / factor:.0f} times more likely without it"
         )
         return Reason(
             ReasonKind.STATEMENT,
@@ -65,7 +65,7 @@ class Statement:
 
 
 def said_words(prior: PriorConfig) -> dict[str, str]:
-    """Return what was said of a zone in words, by setting; a surveyed anchor has one of its own.
+    """Return what was stated about a zone in words, by setting; each surveyed anchor has its own.
 
     Parameters
     ----------
@@ -75,16 +75,16 @@ def said_words(prior: PriorConfig) -> dict[str, str]:
     Examples
     --------
     >>> said_words(PriorConfig(side="left", spacing_m=9.0))
-    {'side': 'all cones are on the left', 'spacing_m': 'neighbouring cones stand 9 m apart'}
+    {'side': 'all cones are on the left', 'spacing_m': 'neighbouring cones are 9 m apart'}
     """
     words = {}
     if prior.side is not None:
         words["side"] = f"all cones are on the {prior.side}"
     if prior.closure is not None and prior.closure != "median-crossover":
-        words["closure"] = f"a {prior.closure}: all cones on one side"
+        words["closure"] = f"{prior.closure}: all cones are on one side"
     if prior.spacing_m is not None:
-        words["spacing_m"] = f"neighbouring cones stand {prior.spacing_m:g} m apart"
+        words["spacing_m"] = f"neighbouring cones are {prior.spacing_m:g} m apart"
     for known in prior.known_anchors:
-        surveyed = f"anchor {known.anchor_id} stands where it was surveyed"
+        surveyed = f"{known.anchor_id} is at its surveyed position"
         words[f"known_anchors.{known.anchor_id}"] = surveyed
     return words

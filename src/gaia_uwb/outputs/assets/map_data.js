@@ -20,8 +20,8 @@ const steps = timeline.t_s.length;
 const chosen = { id: null, step: 0, ranges: false };  // what the reader looks at
 
 const STATUS = {
-  ok: "located", ambiguous: "side not certain", "ill-conditioned": "poorly fixed",
-  "not-converged": "not settled", moved: "perhaps moved", "too-few-ranges": "not located",
+  ok: "located", ambiguous: "side uncertain", "ill-conditioned": "poorly determined",
+  "not-converged": "no stable position", moved: "probably moved", "too-few-ranges": "not located",
 };
 
 function byId(id) { return document.getElementById(id); }
@@ -45,7 +45,7 @@ const known = (value) => value !== null && value !== undefined;
 const minus = (text) => text.replace("-", "−");
 const metres = (value) => (known(value) ? `${minus(value.toFixed(2))}\u00a0m` : "unknown");
 const percent = (share) => `${Math.round(100 * share)}\u00a0%`;
-const NINETY = "(90\u00a0%)";
+const NINETY = "(90\u00a0%)";  // the level of every ± on the page
 const seconds = (step) => `${timeline.t_s[step].toFixed(1)} s`;
 
 // Areas to three figures or to a tenth of a square metre, whichever is less.
@@ -57,11 +57,11 @@ function signed(cm) {
   return `${cm < 0 ? "−" : "+"}${(Math.abs(cm) / 100).toFixed(2)}\u00a0m`;
 }
 
-// Half the length of a cone's 90 % ellipse: the place is this sure in the worst direction.
+// The longer semi-axis of a cone's 90 % ellipse: its uncertainty in the worst direction.
 function sureness(id) {
   const cone = cones.get(id);
-  return cone && known(cone.ellipse_semi_major_m) ? `±\u00a0${metres(cone.ellipse_semi_major_m)}`
-                                                  : "unknown";
+  return cone && known(cone.ellipse_semi_major_m)
+    ? `±\u00a0${metres(cone.ellipse_semi_major_m)} ${NINETY}` : "uncertainty unknown";
 }
 
 // ---- how well the ranges fit, along the path ------------------------------------------------

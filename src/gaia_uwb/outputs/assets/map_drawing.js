@@ -48,7 +48,7 @@ function labelOf(feature) {
 
 function spoken(feature) {
   if (feature.role === "mirror")
-    return `${feature.id}, other possible place, ${percent(feature.mirror_probability)} likely`;
+    return `${feature.id}, other position, ${percent(feature.mirror_probability)} probability`;
   return `${feature.id}, ${STATUS[feature.status] ?? feature.status}, ${sureness(feature.id)}`;
 }
 
@@ -121,11 +121,10 @@ function showTip(place) {
   if (ruler.active) return;  // it would cover what is measured
   const anchor = anchors.get(place.id), mirror = place.role === "mirror";
   const lines = mirror
-    ? [`other possible place, ${percent(anchor.mirror_probability)} likely`]
-    : [STATUS[anchor.status] ?? anchor.status, `${sureness(place.id)} ${NINETY}`,
-       `${anchor.n_ranges} ranges`];
+    ? [`other position, ${percent(anchor.mirror_probability)} probability`]
+    : [STATUS[anchor.status] ?? anchor.status, sureness(place.id), `${anchor.n_ranges} ranges`];
   if (!mirror && mirrors.has(place.id))
-    lines.push(`this place: ${percent(1 - anchor.mirror_probability)} likely`);
+    lines.push(`this position: ${percent(1 - anchor.mirror_probability)} probability`);
   showTipAt(toX(place.east), toY(place.north), place.id, lines);
 }
 
@@ -139,8 +138,8 @@ function showPathTip(x, y) {
   }
   const misfit = fit.shown[step];
   showTipAt(x, y, `${seconds(step)} after the start`,
-    [known(misfit) ? `misfit of the ranges ${metres(misfit / 100)}` : "no range here",
-     "click to look at this moment"]);
+    [known(misfit) ? `residual of the ranges: ${metres(misfit / 100)}` : "no range here",
+     "click to show this moment"]);
 }
 
 function nearestStep(x, y, within) {

@@ -59,14 +59,14 @@ function tellRuler() {
   const { points } = ruler;
   byId("measured").hidden = !ruler.active;
   byId("undo").hidden = byId("clear").hidden = !points.length;
-  let text = "Pick places on the map; cones catch the line";
-  if (points.length === 1) text = "Pick the next place";
+  let text = "Click points on the map; the line snaps to cones";
+  if (points.length === 1) text = "Click the next point";
   if (points.length > 1) {
     const total = points.slice(1).reduce((sum, b, k) => sum + legM(points[k], b), 0);
     text = metres(total);
     const sure = points.length === 2 ? legSureM(points[0], points[1]) : null;
     if (sure !== null) text += ` ±\u00a0${metres(sure)} ${NINETY}`;
-    if (points.length > 2) text += ` in all, area ${squareMetres(areaM2(points))}`;
+    if (points.length > 2) text += ` in total, area ${squareMetres(areaM2(points))}`;
   }
   byId("measured-text").textContent = text;
   redraw();

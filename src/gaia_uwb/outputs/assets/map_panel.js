@@ -1,9 +1,9 @@
 // ---- the column beside the map --------------------------------------------------------------
 const LEGEND = {
-  mirror: "other possible place of such a cone",
-  ellipse: "holds the cone with 90 % probability", boundary: "work zone (around all cones)",
-  outline: "line through all cones", inner: "all of this is work zone (90 %)",
-  outer: "no work zone beyond this (90 %)",
+  mirror: "other possible position of a cone",
+  ellipse: "contains the cone (90 %)", boundary: "work zone (around all cones)",
+  outline: "line through all cones", inner: "inside the work zone (90 %)",
+  outer: "contains the work zone (90 %)",
 };
 
 function select(id) {
@@ -23,24 +23,24 @@ function describe(id) {
   const details = byId("details");
   details.replaceChildren();
   if (id === null) {
-    html("small", "Choose a cone on the map or from the list.", details);
+    html("small", "Select a cone on the map or in the list.", details);
     return;
   }
   const anchor = anchors.get(id), cone = cones.get(id);
-  const rows = [["cone", id], ["state", messages[anchor.status]], ["ranges", anchor.n_ranges]];
+  const rows = [["cone", id], ["status", messages[anchor.status]], ["ranges", anchor.n_ranges]];
   if (cone) {
     rows.push(["east", metres(anchor.east_m)], ["north", metres(anchor.north_m)]);
     if (known(anchor.lat))
       rows.push(["lat, lon", `${anchor.lat.toFixed(7)}, ${anchor.lon.toFixed(7)}`]);
-    rows.push([`sure to ${NINETY}`, known(cone.ellipse_semi_major_m)
+    rows.push([`uncertainty ${NINETY}`, known(cone.ellipse_semi_major_m)
       ? `± ${metres(cone.ellipse_semi_major_m)}, across ± ${metres(cone.ellipse_semi_minor_m)}`
       : "unknown"]);
     if (mirrors.has(id))
-      rows.push(["other place", `${percent(anchor.mirror_probability)} likely`]);
+      rows.push(["other position", `${percent(anchor.mirror_probability)} probability`]);
     const own = timeline.residual_cm[order.indexOf(id)].filter(known).map(Math.abs);
     if (own.length) {
       own.sort((a, b) => a - b);
-      rows.push(["usual misfit", metres(own[Math.floor(own.length / 2)] / 100)]);
+      rows.push(["median residual", metres(own[Math.floor(own.length / 2)] / 100)]);
     }
   }
   const list = html("dl", "", details);
@@ -107,7 +107,7 @@ function listLegend() {
 // What the path's colours mean; in words as well as in width.
 function explainPath(id) {
   byId("path-title").textContent = id === null || !cones.has(id)
-    ? "Path: misfit of all ranges" : `Path: misfit of the ranges to ${id}`;
+    ? "Path: residual of all ranges" : `Path: residual of the ranges to ${id}`;
   const rows = byId("path-legend"), unit = fit.width;
   rows.replaceChildren();
   const size = (cm) => Math.round(cm * 10) / 10;
@@ -120,7 +120,7 @@ function explainPath(id) {
   const row = html("div", "", rows);
   swatchOf("none", row);
   html("span", "no range to a located cone", row);
-  html("small", "Misfit: measured range minus the distance to the place that was found.", rows);
+  html("small", "Residual: measured range minus the distance to the position found.", rows);
 }
 
 // Between which areas the zone lies, where the inner and the outer region are known.
@@ -128,19 +128,21 @@ function areaSureness() {
   const [inner, outer] = ["inner", "outer"].map((role) => all.find((f) => f.role === role));
   if (!outer || !known(outer.area_m2)) return "";
   return ` (at least ${squareMetres(inner?.area_m2 ?? 0)}, at most `
-    + `${squareMetres(outer.area_m2)}, each with 90\u00a0%)`;
+    + `${squareMetres(outer.area_m2)}; 90\u00a0% each)`;
 }
 
 function tellStatus() {
   document.title = `GAIA: ${report.scene}`;
   byId("scene").textContent = report.scene;
   const good = report.status === "ok", { boundary } = report;
-  html("span", good ? "✓ reliable" : "! check before use", byId("status"), `chip${good ? "" : " warn"}`);
+  html("span", good ? "✓ reliable" : "! needs review", byId("status"), `chip${good ? "" : " warn"}`);
   const area = boundary.status === "ok"
     ? `the zone covers ${squareMetres(boundary.area_m2)}${areaSureness()}`
-    : boundary.status === "collinear" ? "all cones in one line: no area"
+    : boundary.status === "collinear" ? "all on one line, so no area"
       : "too few cones for a boundary";
-  html("span", ` ${cones.size} of ${order.length} cones located, ${area}.`, byId("status"));
+  const found = cones.size === order.length && order.length > 1
+    ? `All ${order.length}` : `${cones.size} of ${order.length}`;
+  html("span", ` ${found} cones located, ${area}.`, byId("status"));
   for (const reason of report.reasons) html("li", reason.text, byId("reasons"));
   byId("note").textContent = report.uncertainty_note;
   byId("version").textContent = `gaia-uwb ${report.version}`;

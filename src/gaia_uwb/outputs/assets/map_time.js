@@ -56,7 +56,7 @@ function listRanges() {
   byId("now-title").textContent = `Ranges at ${seconds(k)}`;
   table.replaceChildren();
   const head = html("tr", "", html("thead", "", table));
-  for (const title of ["cone", "measured", "cleaned", "misfit"])
+  for (const title of ["cone", "measured", "denoised", "residual"])
     html("th", title, head).scope = "col";
   const body = html("tbody", "", table);
   order.forEach((id, n) => {
