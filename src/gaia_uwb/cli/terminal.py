@@ -57,7 +57,7 @@ def print_summary(
     paths: Sequence[Path],
 ) -> None:
     """Say what was found, how certain it is, and where the files are."""
-    from gaia_uwb.evaluate import SIGMAS_90
+    from gaia_uwb._shared import SIGMAS_90
 
     lines = [f"{result.name}: {result.status.value}"]
     for episode, ranges in result.passes:

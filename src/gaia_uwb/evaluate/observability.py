@@ -33,7 +33,7 @@ from gaia_uwb.alignment import (
 )
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import ClockOffset
-from gaia_uwb.evaluate.limits import SIGMAS_90
+from gaia_uwb._shared import SIGMAS_90
 from gaia_uwb.scene import Scene
 from gaia_uwb.solver import Solutions, solve
 
