@@ -22,7 +22,7 @@ from math import inf, log
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Bool, Float64
+from gaia_uwb._shared import SIGMAS_90, Array, Bool, Float64
 from gaia_uwb.alignment import (
     Pose,
     Readings,
@@ -33,7 +33,6 @@ from gaia_uwb.alignment import (
 )
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import ClockOffset
-from gaia_uwb._shared import SIGMAS_90
 from gaia_uwb.scene import Scene
 from gaia_uwb.solver import Solutions, solve
 

@@ -1,4 +1,4 @@
-"""A model's card: what it is, what it was trained on, its scores and its limits, as Markdown."""
+"""The card of a model: its purpose, training data, scores and limits, as Markdown."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from gaia_uwb.models.training_options import ZoneTrainingOptions
 _CARD = """\
 # {kind}, {words.purpose}
 
-{words.ability} Written by
-gaia {version}; this command{words.given} trains it again:
+{words.ability}
+
+Trained with gaia {version}. This command{words.given} trains it again:
 
 ```
 {words.command} --out my-model/
@@ -43,41 +44,43 @@ gaia {version}; this command{words.given} trains it again:
 """
 
 _WINDOW_LIMITS = """\
-- One channel per anchor, in the order of the log: it takes at most {n} anchors and has seen {seen}.
-  A channel has a meaning: in the simulator the first four are the corners of the zone.
-- It has seen ranges from {range} m.
-- It knows the coordinates of its training data: a path outside east {east} m, north {north} m, or
-  work zones of another kind, are strange to it, and a reconstruction says so (`unreliable`).
+- It has one channel per anchor, in the order of the log. It handles at most {n} anchors; its
+  training data had {seen}. A channel has a meaning: in the simulator, the first four are the
+  corners of the zone.
+- Its training data had ranges from {range} m.
+- It is tied to the coordinates of its training data. If a path leaves east {east} m, north
+  {north} m, a reconstruction is marked `unreliable`. Work zones of another kind are unknown to it.
 - Its standard deviation is one number, the root mean square error on validation data
-  ({sigma:.3f} m); its errors within a window are alike.
+  ({sigma:.3f} m). Its errors within a window are correlated.
 """
 _PLAUSIBLE = """\
-- A window in which it would move an anchor's ranges by {limit:.2f} m or more (98 % of the training
-  windows need less than four fifths of that) was taken for one of another layout, and gets a
-  running median.
+- If it would move an anchor's ranges in a window by {limit:.2f} m or more, it has mistaken the
+  layout, and the window gets a running median instead. (98 % of the training windows need less
+  than four fifths of that.)
 """
 
 _ZONE_LIMITS = f"""\
-- Trained on simulation only: no real range is in it.
-- Ranges along a straight path cannot tell the sides; then it says so with probabilities near 1/2.
-- A group of anchors that looks like none of its training is located by its ranges, with what it
-  has learned of work zones pulling the wrong way; the ranges win in the end, but not in 6 seconds.
-- Any number of anchors, any place, direction and order; paths of 0.5 to 35 m/s, 5 to 20 readings a
-  second, ranges up to 300 m. No scene of the training is longer than 256 steps.
-- What has more than {ZONE_LONGEST_STEPS:,} steps or {ZONE_MOST_ANCHORS} anchors, or reaches farther
-  than {ZONE_FARTHEST_M:g} m from the middle of the drive, is located in pieces; the sides of their
-  anchors are decided together as long as no two pieces are sure of opposite ones.
-- An antenna delay of one anchor alone goes into its place: it is not estimated.
+- It was trained on simulation only, without any real range.
+- Ranges along a straight path cannot determine the sides. It then gives probabilities near 1/2.
+- If a group of anchors resembles nothing in its training, what it has learned about work zones
+  pulls the positions the wrong way. The ranges win in the end, but not within 6 seconds.
+- It handles any number of anchors in any position, direction and order. Its training covers paths
+  of 0.5 to 35 m/s, 5 to 20 readings per second and ranges up to 300 m. No training scene is longer
+  than 256 steps.
+- A scene with more than {ZONE_LONGEST_STEPS:,} steps or {ZONE_MOST_ANCHORS} anchors, or one that
+  extends more than {ZONE_FARTHEST_M:g} m from the middle of the drive, is located in pieces. The
+  sides are decided together unless two pieces are certain of opposite sides.
+- It does not estimate the antenna delay of a single anchor, which shifts that anchor's position.
 """
 
 _REMARK = """
-Variances of places are multiplied by {scales}, so that 90 % of the 90 %
-ellipses of validation scenes hold their anchor; in proportion for scenes of lengths in between.
+Variances of positions are multiplied by {scales}, so that 90 % of the 90 %
+ellipses of validation scenes contain their anchor. Lengths in between are interpolated.
 """
 
 
 class _Words(NamedTuple):
-    """What the card of one family says otherwise than that of the other."""
+    """The parts of the card that differ between the two families."""
 
     purpose: str
     ability: str
@@ -96,7 +99,7 @@ def model_card(description: WindowModel | ZoneModel) -> str:
     Parameters
     ----------
     description
-        All that is known of it.
+        Everything known about it.
     """
     words = (
         _window_words(description)
@@ -132,11 +135,11 @@ def _window_words(description: WindowModel) -> _Words:
         command += ["--split", str(data["split"]), "--preparation", str(data["preparation"])]
     return _Words(
         purpose=f"trained on {data.get('source', 'unknown data')}",
-        ability=f"Denoises UWB ranges of windows of {description.window_steps} steps. Sizes: "
+        ability=f"Denoises UWB ranges in windows of {description.window_steps} steps. Sizes: "
         f"{', '.join(f'{name} {value}' for name, value in sizes.items())}.",
         given=", with the settings below,",
         command=" ".join([*command, "--seed", str(description.training.seed)]),
-        scores="best epoch; losses in m^2 unless named otherwise",
+        scores="best epoch; losses in m² unless stated otherwise",
         remark="",
         limits=limits,
         heading="Training settings",
@@ -149,9 +152,9 @@ def _zone_words(description: ZoneModel) -> _Words:
     scales = ", ".join(f"{scale:.3f} ({n} steps)" for n, scale in description.variance_scales)
     as_usual = training.portions == ZoneTrainingOptions().portions
     return _Words(
-        purpose="for work zones that it has never seen",
-        ability="Denoises UWB ranges and locates the anchors of any zone, with probabilities of "
-        "the sides.",
+        purpose="for unseen work zones",
+        ability="Denoises UWB ranges and locates the anchors of any zone, with a probability for "
+        "each side.",
         given="",
         command=f"gaia train gaia-set --data sim:mixed --seed {training.seed}"
         + ("" if as_usual else f" --portions {training.portions}"),
