@@ -120,7 +120,7 @@ def read(source: str | Path, *, data_dir: Path | None = None) -> Scene:
 
     Examples
     --------
-    >>>     >>> read("sim:lane-closure/7").n_anchors
+    >>> read("sim:lane-closure/7").n_anchors
     8
     """
     scenes = load_scenes(source, data_dir=data_dir)

@@ -82,7 +82,9 @@ def score(fixes: list[AnchorFix], episode: Episode | None = None) -> dict[str, M
 class TestMetric:
     @pytest.mark.parametrize(("value", "n"), [(np.nan, 3), (np.inf, 3), (1.0, 0)])
     def test_refuses_what_is_no_number_of_something(self, value: float, n: int) -> None:
-        with pytest.raises(InputError, match="anchor_mae: expected a finite value"):
+        with pytest.raises(
+            InputError, match="anchor_mae: expected a finite value over at least one"
+        ):
             Metric("anchor_mae", value, "m", n)
 
 

@@ -276,4 +276,4 @@ def test_the_extra_is_named(logs: Path, tmp_path: Path, monkeypatch: pytest.Monk
 def test_workers_of_two_kinds_are_refused(logs: Path) -> None:
     options = ["--workers", "2", "--scheduler", "tcp://127.0.0.1:1"]
     done = CliRunner().invoke(app, ["fleet", str(logs), *options])
-    assert str(done.exception) == "--workers: a scheduler has workers of its own"
+    assert str(done.exception) == "--workers cannot be combined with --scheduler"

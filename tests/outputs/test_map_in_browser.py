@@ -131,7 +131,7 @@ def test_inner_and_outer_outline_are_drawn_where_they_are_known(
         "12.0 m² (at least 9.5 m², at most 1,210 m²; 90 % each)" in (texts(chromium, "#status")[0])
     )
     legend = texts(chromium, "#legend div")
-    assert "all of this is work zone (90 %)" in legend
+    assert "inside the work zone (90 %)" in legend
     assert "contains the work zone (90 %)" in legend
     picture(chromium, "outlines")
 

@@ -178,7 +178,7 @@ def test_what_is_said_must_be_possible() -> None:
     ):
         with pytest.raises(ConfigError, match="prior"):
             make_config({"prior": prior})
-    with pytest.raises(ConfigError, match=r"needs sides\.joint"):
+    with pytest.raises(ConfigError, match=r"requires sides\.joint"):
         make_config({"sides": {"joint": False}, "prior": {"side": "left"}})
 
 

@@ -41,7 +41,7 @@ def calibrate(
     Parameters
     ----------
     episode
-        A whole aligned log; its truth is not looked at.
+        A whole aligned log; its truth is not used.
     config
         Settings of the calibration.
     solver

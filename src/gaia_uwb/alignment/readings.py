@@ -1,4 +1,4 @@
-"""The readings of a scene beside its path: poses at their times, predicted ranges, residuals.
+"""The readings of a scene and its path: poses at their times, predicted ranges, residuals.
 
 Anchors are laid out a few at a time, as rows padded to the longest of them, so that the memory does
 not grow with the log.

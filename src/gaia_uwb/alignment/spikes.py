@@ -15,7 +15,7 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64
 
-_BLOCK = 65_536  # readings looked at together, which bounds the memory
+_BLOCK = 65_536  # readings processed together, which bounds the memory
 
 
 def gate_spikes(
@@ -27,7 +27,7 @@ def gate_spikes(
     threshold_sigma: float = 5.0,
     threshold_m: float = 0.25,
 ) -> Bool[Array, "R"]:
-    """Return which readings of one anchor are no spikes.
+    """Return which readings of one anchor are not spikes.
 
     Parameters
     ----------

@@ -173,7 +173,7 @@ def score_episode(
 
 @dataclass(frozen=True)
 class _Located:
-    """The located anchors' estimates as arrays, beside their true places."""
+    """The located anchors' estimates as arrays, with their true positions."""
 
     position_m: Float64[Array, "L 2"]
     covariance_m2: Float64[Array, "L 2 2"]

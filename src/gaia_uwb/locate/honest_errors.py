@@ -16,7 +16,7 @@ leaves the circle by ``s^2 / 2 r`` after a length s. And ranges along a straight
 anchor nears the path's line and its mirror image, while the offset errs by no more than about
 ``sqrt(2 d sigma)``. So linear errors are laid along these curves: first
 ``y -> sqrt(y^2 + 2 y e)``, down to the fold at 0 where the mirror image begins, then along the arc.
-Errors that are small beside the offset and the distance stay what they are.
+Errors that are small compared with the offset and the distance stay what they are.
 """
 
 from __future__ import annotations

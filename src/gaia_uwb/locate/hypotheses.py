@@ -68,7 +68,7 @@ class Hypotheses:
         How much better the first fits, as a difference of log likelihoods after allowing for
         correlated errors; at least 0.
     own_bias_m : (N,)
-        Range bias of each anchor beside what the calibration removed (measured minus true).
+        Range bias of each anchor in addition to what the calibration removed (measured minus true).
     n_ranges : (N,)
         Usable ranges.
     converged : (N,)

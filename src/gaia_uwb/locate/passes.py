@@ -49,7 +49,7 @@ def in_one_frame(scenes: Sequence[Scene]) -> list[Scene]:
     >>> scene = simulate_pass(PRESETS["straight"], seed=0)
     >>> in_one_frame([scene, scene])
     Traceback (most recent call last):
-    gaia_uwb.InputError: sim-0-0: the same drive as sim-0-0: its readings would count twice
+    gaia_uwb.InputError: sim-0-0: the same drive as sim-0-0, so its readings would count twice
     """
     if not scenes:
         raise InputError("expected at least one pass, got none")

@@ -2,7 +2,7 @@
 
 The page is put together from ``assets/map_page.html``, its style and its scripts, with the data in
 between. It draws the features of ``geojson.py`` in local metres, the ranges over time, and shows
-the report beside them. Its content security policy forbids it to load anything from anywhere and
+the report next to them. Its content security policy forbids it to load anything from anywhere and
 to run any script but its own, which it knows by their hash: even a text that got past the escaping
 would stay a text.
 """

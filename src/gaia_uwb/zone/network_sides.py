@@ -34,7 +34,7 @@ _LOOKED_AT = 128  # likeliest combinations under each hypothesis
 _ENOUGH = 0.9  # probability of the combinations that are kept, else they are drawn
 _DRAWN = 2048  # combinations, where something is known that makes some of them likelier
 _WORTH = 200.0  # drawn combinations that these must be worth
-_HOPELESS = 20.0  # log odds against a combination, beyond which it is not looked at
+_HOPELESS = 20.0  # log odds against a combination, beyond which it is not considered
 _ONE_PLACE_M = 0.5  # two places nearer to each other than a cone is wide are one
 _LEAST = 1e-4  # probability of a side, where something else is known: no network is surer than that
 
@@ -62,7 +62,7 @@ def decide_zone(
     solver
         ``min_ranges`` and ``ill_conditioned_above_m``.
     facts
-        What is known of the zone beforehand; used as far as the denoiser does not speak against it.
+        What is known of the zone beforehand; used as far as the denoiser does not contradict it.
     """
     located = np.flatnonzero(zone.located & (n_ranges >= solver.min_ranges))
     ids = [anchor_ids[n] for n in located.tolist()]

@@ -2,7 +2,7 @@
 
 Every combination of sides has an evidence: the likelihoods of the places it chooses, times how well
 they form a zone (``layout_prior.py``), times what is known from elsewhere. All combinations of a
-few open anchors are looked at; with more, the best is climbed to by single flips from several
+few open anchors are searched; with more, the best is climbed to by single flips from several
 starts.
 """
 

@@ -179,7 +179,7 @@ class _Comparison:
 
     side: Int64[Array, "K M"]
     weight: Float64[Array, "K"]
-    """Probabilities of all combinations that were looked at."""
+    """Probabilities of all combinations that were considered."""
     best: int
     is_open: Bool[Array, "M"]
     place_m: Float64[Array, "M 2"]
@@ -190,7 +190,7 @@ class _Comparison:
         """Return the best combination with the probabilities of the others."""
         best = self.side[self.best]
         probability = np.clip((self.weight[:, None] * (self.side != best)).sum(axis=0), 0.0, 1.0)
-        # A mirror image that nobody looked at keeps what its own ranges leave it.
+        # A mirror position that was not considered keeps what its own ranges leave it.
         probability = np.where(self.is_open, probability, apart.mirror_probability[located])
         side, place_m = apart.side.copy(), apart.place_m.copy()
         covariance_m2, mirror = apart.covariance_m2.copy(), apart.mirror_probability.copy()
@@ -233,7 +233,7 @@ def _jointly(
 def _with_facts(
     hypotheses: Hypotheses, located: Int64[Array, "M"], facts: KnownFacts
 ) -> tuple[_Comparison, Hypotheses, tuple[Reason, ...]]:
-    """Compare combinations with what is known, as far as the ranges do not speak against it."""
+    """Compare combinations with what is known, as far as the ranges do not contradict it."""
     alone = _jointly(hypotheses, located)
     holds, reasons = facts.borne_out(hypotheses, located, alone.side, alone.weight)
     if holds is None:
