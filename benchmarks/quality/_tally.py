@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from gaia_uwb._shared import CHI_SQUARE_90, Array, Bool, Float64
-from gaia_uwb.evaluate import Metric, Test, aggregate
+from gaia_uwb.evaluate import Metric, TestSet, aggregate
 from gaia_uwb.simulate import find_preset, simulate_episodes
 
 
@@ -63,10 +63,10 @@ def in_ellipse_90(
     return np.asarray((off_m * solved).sum(axis=-1) <= CHI_SQUARE_90)
 
 
-def simulated(preset: str, n: int, seed: int = 0) -> Test:
+def simulated(preset: str, n: int, seed: int = 0) -> TestSet:
     """Return episodes straight from the simulator, each a run of its own."""
     episodes = tuple(simulate_episodes(find_preset(preset), n, seed))
-    return Test(episodes, tuple(episode.name for episode in episodes), 0)
+    return TestSet(episodes, tuple(episode.name for episode in episodes), 0)
 
 
 def means(

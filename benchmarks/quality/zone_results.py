@@ -30,7 +30,7 @@ from gaia_uwb.estimate import AnchorFix
 from gaia_uwb.evaluate import (
     STRESSORS,
     Metric,
-    Test,
+    TestSet,
     aggregate,
     cramer_rao_m,
     make_test,
@@ -151,7 +151,7 @@ def main() -> None:
 Scores = list[list[dict[str, Metric]]]
 
 
-def scored(test: Test, methods: Sequence[str], config: PipelineConfig) -> Scores:
+def scored(test: TestSet, methods: Sequence[str], config: PipelineConfig) -> Scores:
     """Return each model's scores, episode by episode; with the wls solver, with labels."""
     labels = config.solver.kind == "wls"
     return [
@@ -160,13 +160,13 @@ def scored(test: Test, methods: Sequence[str], config: PipelineConfig) -> Scores
     ]
 
 
-def rows_of(test: Test, models: Sequence[str]) -> dict[str, Scores]:
+def rows_of(test: TestSet, models: Sequence[str]) -> dict[str, Scores]:
     """Score the classical methods and ours."""
     rows = {name: scored(test, [name], OUR) for name in ("raw", "median", "pose-kalman")}
     return rows | {"gaia-set": scored(test, models, OUR)}
 
 
-def summary(test: Test, scores: Scores) -> dict[str, Any]:
+def summary(test: TestSet, scores: Scores) -> dict[str, Any]:
     """Return means and intervals over the episodes of all seeds."""
     found = aggregate([m for one in scores for m in one], test.groups * len(scores))
     return {
@@ -176,7 +176,7 @@ def summary(test: Test, scores: Scores) -> dict[str, Any]:
     }
 
 
-def whole_passes(n: int) -> Iterator[tuple[str, Test]]:
+def whole_passes(n: int) -> Iterator[tuple[str, TestSet]]:
     """Yield passes of a minute, from log to episode as a user's would be."""
     wild = find_preset("wild-test")
     minute = wild.drive.model_copy(update={"duration_s": PASS_S})
@@ -185,10 +185,10 @@ def whole_passes(n: int) -> Iterator[tuple[str, Test]]:
         ("whole passes of `lane-closure`, 60 s", find_preset("lane-closure")),
     ):
         episodes = tuple(prepare(simulate_zone(config, PASS_SEED + k)[0], OUR) for k in range(n))
-        yield name, Test(episodes, tuple(episode.name for episode in episodes), 0)
+        yield name, TestSet(episodes, tuple(episode.name for episode in episodes), 0)
 
 
-def robustness(test: Test, models: Sequence[str]) -> list[dict[str, Any]]:
+def robustness(test: TestSet, models: Sequence[str]) -> list[dict[str, Any]]:
     """Return every method's mean IoU at every setting of every stressor."""
     rows = []
     for stressor in STRESSORS:
@@ -208,7 +208,7 @@ def robustness(test: Test, models: Sequence[str]) -> list[dict[str, Any]]:
     return rows
 
 
-def by_seed(test: Test, scores: Scores, models: Sequence[str]) -> dict[str, dict[str, float]]:
+def by_seed(test: TestSet, scores: Scores, models: Sequence[str]) -> dict[str, dict[str, float]]:
     """Return the means of each model by itself."""
     return {
         model: _tally.means(one, test.groups, COLUMNS)
@@ -257,7 +257,7 @@ def iou_on_right_sides(anchors: Sequence[AnchorFix], true_m: np.ndarray) -> floa
     return polygon_iou(both_m[np.arange(len(both_m)), nearer], true_m)
 
 
-def by_layout(test: Test, rows: dict[str, Scores]) -> dict[str, dict[str, float]]:
+def by_layout(test: TestSet, rows: dict[str, Scores]) -> dict[str, dict[str, float]]:
     """Return each method's mean IoU on each layout."""
     layout = np.array([group.rpartition("/")[2] for group in test.groups])
     found: dict[str, dict[str, float]] = {}

@@ -14,7 +14,7 @@ from .residuals import range_residual_m as range_residual_m
 from .rigid_alignment import RigidAlignment as RigidAlignment
 from .rigid_alignment import rigid_align as rigid_align
 from .rigid_alignment import rotation_matrix as rotation_matrix
-from .scores import Test as Test
+from .scores import TestSet as TestSet
 from .scores import episodes_csv as episodes_csv
 from .scores import make_test as make_test
 from .scores import reconstruct_and_score as reconstruct_and_score

@@ -86,12 +86,12 @@ def find_limits(
     >>> [limit.kind.value for limit in find_limits(result.episode, result.anchors)][:2]
     ['ambiguous', 'gaps']
     """
-    look = _Look(episode, tuple(anchors), config, name)
-    checks: tuple[Callable[[_Look], Iterable[Limit]], ...] = (
+    view = _View(episode, tuple(anchors), config, name)
+    checks: tuple[Callable[[_View], Iterable[Limit]], ...] = (
         _misfit, _clock, _short_path, _moved, _unknown_side, _poor_geometry, _not_settled,
         _lost, _few_ranges, _gaps, _blocked, _range_bias, _heights, _few_cones,
     )  # fmt: skip
-    return tuple(limit for check in checks for limit in check(look))
+    return tuple(limit for check in checks for limit in check(view))
 
 
 def limits_of_reasons(
@@ -114,7 +114,7 @@ def limits_of_reasons(
 
 
 @dataclass(frozen=True)
-class _Look:
+class _View:
     """A reconstruction, and what several checks need of it."""
 
     episode: Episode
@@ -148,8 +148,8 @@ class _Look:
         return float(length_m), float(width_m)
 
 
-def _misfit(look: _Look) -> Iterator[Limit]:
-    found = look.episode.calibration
+def _misfit(view: _View) -> Iterator[Limit]:
+    found = view.episode.calibration
     if found is not None and found.sigma_m > _MISFIT_M:
         text = (
             f"The ranges do not fit the path: half of them are off by more than "
@@ -159,23 +159,23 @@ def _misfit(look: _Look) -> Iterator[Limit]:
         yield Limit(ReasonKind.MISFIT, text, (Advice.CHECK_LOG,))
 
 
-def _clock(look: _Look) -> Iterator[Limit]:
-    clock = look.episode.clock
+def _clock(view: _View) -> Iterator[Limit]:
+    clock = view.episode.clock
     sure_s = 0.0 if clock is None else SIGMAS_90 * clock.sigma_s
-    shift_m = look.episode.usual_speed_mps * sure_s
+    shift_m = view.episode.usual_speed_mps * sure_s
     if shift_m <= _CLOCK_SHIFT_M:
         return
     text = (
         f"The offset between the clocks of ranges and positions is only known to ± {sure_s:.2f} s "
-        f"(90 %). At the typical speed of {look.episode.usual_speed_mps:.1f} m/s, that shifts all "
+        f"(90 %). At the typical speed of {view.episode.usual_speed_mps:.1f} m/s, that shifts all "
         f"cones together by ± {metres(shift_m)} (90 %) along the road."
     )
     yield Limit(ReasonKind.CLOCK, text, (Advice.BOTH_WAYS, Advice.ONE_CLOCK))
 
 
-def _short_path(look: _Look) -> Iterator[Limit]:
-    length_m, _ = look.strip_m
-    usual_m = float(np.nanmedian(look.episode.range_m))
+def _short_path(view: _View) -> Iterator[Limit]:
+    length_m, _ = view.strip_m
+    usual_m = float(np.nanmedian(view.episode.range_m))
     if length_m < _SHORT_BELOW * usual_m:
         text = (
             f"The vehicle only moved within {metres(length_m)} while in range of the cones, which "
@@ -184,16 +184,16 @@ def _short_path(look: _Look) -> Iterator[Limit]:
         yield Limit(ReasonKind.SHORT_PATH, text, (Advice.LONGER, Advice.SECOND_DRIVE))
 
 
-def _unknown_side(look: _Look) -> Iterator[Limit]:
-    open_sides = [anchor for anchor in look.anchors if anchor.side_is_open]
+def _unknown_side(view: _View) -> Iterator[Limit]:
+    open_sides = [anchor for anchor in view.anchors if anchor.side_is_open]
     if not open_sides:
         return
     share = max(anchor.mirror_probability for anchor in open_sides)
     text = (
-        f"The side of the path is uncertain for {look.cones(open_sides)}: the other side "
+        f"The side of the path is uncertain for {view.cones(open_sides)}: the other side "
         f"has {'up to ' if len(open_sides) > 1 else ''}{percent(share)} probability."
     )
-    length_m, width_m = look.strip_m
+    length_m, width_m = view.strip_m
     if width_m < _STRAIGHT_BELOW * length_m:
         text += (
             f" The path was straight ({metres(length_m)} long within a strip of "
@@ -202,74 +202,74 @@ def _unknown_side(look: _Look) -> Iterator[Limit]:
     yield Limit(ReasonKind.AMBIGUOUS, text, (Advice.SECOND_DRIVE, Advice.WEAVE, Advice.SURVEY))
 
 
-def _poor_geometry(look: _Look) -> Iterator[Limit]:
-    poor = look.of_status(AnchorStatus.ILL_CONDITIONED)
+def _poor_geometry(view: _View) -> Iterator[Limit]:
+    poor = view.of_status(AnchorStatus.ILL_CONDITIONED)
     known = [anchor for anchor in poor if np.isfinite(anchor.semi_axes_90_m[0])]
-    clock = look.episode.clock
-    shift_m = 0.0 if clock is None else clock.sigma_s * look.episode.usual_speed_mps
-    if not poor or shift_m > look.config.solver.ill_conditioned_above_m:  # the clock's fault
+    clock = view.episode.clock
+    shift_m = 0.0 if clock is None else clock.sigma_s * view.episode.usual_speed_mps
+    if not poor or shift_m > view.config.solver.ill_conditioned_above_m:  # the clock's fault
         return
     text = (
-        f"The ranges determine the position of {look.cones(poor)} poorly in at least one direction"
+        f"The ranges determine the position of {view.cones(poor)} poorly in at least one direction"
     )
     if known:
         worst = max(known, key=lambda anchor: anchor.semi_axes_90_m[0])
         longer_m, shorter_m = worst.semi_axes_90_m
         text += (
-            f"; the worst is {look.name(worst.anchor_id)}, ± {metres(longer_m)} in one direction "
+            f"; the worst is {view.name(worst.anchor_id)}, ± {metres(longer_m)} in one direction "
             f"and ± {metres(shorter_m)} across it (90 %)"
         )
     yield Limit(ReasonKind.ILL_CONDITIONED, f"{text}.", (Advice.SECOND_DRIVE, Advice.LONGER))
 
 
-def _moved(look: _Look) -> Iterator[Limit]:
-    moved = look.of_status(AnchorStatus.MOVED)
+def _moved(view: _View) -> Iterator[Limit]:
+    moved = view.of_status(AnchorStatus.MOVED)
     if moved:
         text = (
-            f"The position of {look.cones(moved)} differs between passes by more than the errors "
+            f"The position of {view.cones(moved)} differs between passes by more than the errors "
             f"explain: {'it was' if len(moved) == 1 else 'they were'} probably moved."
         )
         yield Limit(ReasonKind.MOVED, text, (Advice.CHECK_CONES,))
 
 
-def _not_settled(look: _Look) -> Iterator[Limit]:
-    stopped = look.of_status(AnchorStatus.NOT_CONVERGED)
+def _not_settled(view: _View) -> Iterator[Limit]:
+    stopped = view.of_status(AnchorStatus.NOT_CONVERGED)
     if stopped:
-        text = f"The calculation for {look.cones(stopped)} did not reach a stable position."
+        text = f"The calculation for {view.cones(stopped)} did not reach a stable position."
         yield Limit(ReasonKind.NOT_CONVERGED, text, (Advice.CHECK_LOG, Advice.SECOND_DRIVE))
 
 
-def _pace(look: _Look) -> tuple[Advice, ...]:
-    return (Advice.SLOWER,) if look.episode.usual_speed_mps > _FAST_MPS else ()
+def _pace(view: _View) -> tuple[Advice, ...]:
+    return (Advice.SLOWER,) if view.episode.usual_speed_mps > _FAST_MPS else ()
 
 
-def _lost(look: _Look) -> Iterator[Limit]:
-    lost = look.of_status(AnchorStatus.TOO_FEW_RANGES)
+def _lost(view: _View) -> Iterator[Limit]:
+    lost = view.of_status(AnchorStatus.TOO_FEW_RANGES)
     if not lost:
         return
     most = max(anchor.n_ranges for anchor in lost)
     text = (
-        f"No position was found for {look.cones(lost)}: {'at most ' if len(lost) > 1 else ''}"
-        f"{most} usable range{'' if most == 1 else 's'}, and {look.config.solver.min_ranges} are "
+        f"No position was found for {view.cones(lost)}: {'at most ' if len(lost) > 1 else ''}"
+        f"{most} usable range{'' if most == 1 else 's'}, and {view.config.solver.min_ranges} are "
         "needed."
     )
-    yield Limit(ReasonKind.TOO_FEW_RANGES, text, (Advice.CHECK_RADIOS, *_pace(look)))
+    yield Limit(ReasonKind.TOO_FEW_RANGES, text, (Advice.CHECK_RADIOS, *_pace(view)))
 
 
-def _few_ranges(look: _Look) -> Iterator[Limit]:
-    few = [a for a in look.anchors if a.status.has_position and a.n_ranges < _FEW_RANGES]
+def _few_ranges(view: _View) -> Iterator[Limit]:
+    few = [a for a in view.anchors if a.status.has_position and a.n_ranges < _FEW_RANGES]
     if few:
         least = min(few, key=lambda anchor: anchor.n_ranges)
-        whose = "" if len(few) == 1 else f", for {look.name(least.anchor_id)}"
+        whose = "" if len(few) == 1 else f", for {view.name(least.anchor_id)}"
         fewest = "" if len(few) == 1 else "as few as "
-        text = f"There are few ranges to {look.cones(few)}: {fewest}{least.n_ranges}{whose}."
-        yield Limit(ReasonKind.FEW_RANGES, text, (Advice.CHECK_RADIOS, *_pace(look)))
+        text = f"There are few ranges to {view.cones(few)}: {fewest}{least.n_ranges}{whose}."
+        yield Limit(ReasonKind.FEW_RANGES, text, (Advice.CHECK_RADIOS, *_pace(view)))
 
 
-def _gaps(look: _Look) -> Iterator[Limit]:
-    t_s, valid = look.episode.t_s, look.episode.valid
+def _gaps(view: _View) -> Iterator[Limit]:
+    t_s, valid = view.episode.t_s, view.episode.valid
     gaps = []
-    for n, anchor in enumerate(look.anchors):
+    for n, anchor in enumerate(view.anchors):
         heard_s = t_s[valid[:, n]]
         if len(heard_s) > 1:
             longest_s = float(np.diff(heard_s).max())
@@ -277,40 +277,40 @@ def _gaps(look: _Look) -> Iterator[Limit]:
                 gaps.append((longest_s, anchor))
     if gaps:
         longest_s, worst = max(gaps, key=lambda gap: gap[0])
-        cones = look.cones([anchor for _, anchor in gaps])
+        cones = view.cones([anchor for _, anchor in gaps])
         if len(gaps) == 1:
             text = f"{cones} was out of range or blocked for {longest_s:.1f} s."
         else:
             text = (
                 f"For a while, {cones} were out of range or blocked; the longest gap was "
-                f"{longest_s:.1f} s ({look.name(worst.anchor_id)})."
+                f"{longest_s:.1f} s ({view.name(worst.anchor_id)})."
             )
-        yield Limit(ReasonKind.GAPS, text, (Advice.LINE_OF_SIGHT, *_pace(look)))
+        yield Limit(ReasonKind.GAPS, text, (Advice.LINE_OF_SIGHT, *_pace(view)))
 
 
-def _blocked(look: _Look) -> Iterator[Limit]:
-    found = look.episode.calibration
+def _blocked(view: _View) -> Iterator[Limit]:
+    found = view.episode.calibration
     beyond_m = max(_BLOCKED_M, 4.0 * found.sigma_m if found is not None else 0.0)
-    long: Bool[Array, "T N"] = look.residual_m > beyond_m
-    share = long.sum(axis=0) / np.maximum(np.isfinite(look.residual_m).sum(axis=0), 1)
+    long: Bool[Array, "T N"] = view.residual_m > beyond_m
+    share = long.sum(axis=0) / np.maximum(np.isfinite(view.residual_m).sum(axis=0), 1)
     blocked = [
         (float(part), anchor)
-        for part, anchor in zip(share, look.anchors, strict=True)
+        for part, anchor in zip(share, view.anchors, strict=True)
         # A range is too long by comparison with the position, so that must be a good one.
         if part > _BLOCKED_SHARE and anchor.status in (AnchorStatus.OK, AnchorStatus.AMBIGUOUS)
     ]
     if blocked:
         worst = max(part for part, _ in blocked)
         text = (
-            f"Of the ranges to {look.cones([anchor for _, anchor in blocked])}, "
+            f"Of the ranges to {view.cones([anchor for _, anchor in blocked])}, "
             f"{'up to ' if len(blocked) > 1 else ''}{percent(worst)} are too long by more than "
             f"{metres(beyond_m)}, as happens when the line of sight is blocked."
         )
         yield Limit(ReasonKind.BLOCKED, text, (Advice.LINE_OF_SIGHT, Advice.SECOND_DRIVE))
 
 
-def _range_bias(look: _Look) -> Iterator[Limit]:
-    found = look.episode.calibration
+def _range_bias(view: _View) -> Iterator[Limit]:
+    found = view.episode.calibration
     if found is not None and abs(found.bias[0]) > _BIAS_M:
         way = "long" if found.bias[0] > 0 else "short"
         text = (
@@ -318,23 +318,23 @@ def _range_bias(look: _Look) -> Iterator[Limit]:
             "but it is more than calibrated radios show."
         )
         yield Limit(ReasonKind.RANGE_BIAS, text, (Advice.CALIBRATE, Advice.HEIGHTS))
-    own = [anchor for anchor in look.anchors
+    own = [anchor for anchor in view.anchors
            if anchor.status.has_position and abs(anchor.range_bias_m) > _OWN_BIAS_M]  # fmt: skip
     if own:
         worst = max(own, key=lambda anchor: abs(anchor.range_bias_m))
         text = (
-            f"The ranges to {look.cones(own)} have a bias of their own, "
+            f"The ranges to {view.cones(own)} have a bias of their own, "
             f"{'' if len(own) == 1 else 'up to '}{metres(abs(worst.range_bias_m))}"
-            f"{'' if len(own) == 1 else f' ({look.name(worst.anchor_id)})'}. This was corrected."
+            f"{'' if len(own) == 1 else f' ({view.name(worst.anchor_id)})'}. This was corrected."
         )
         yield Limit(ReasonKind.RANGE_BIAS, text, (Advice.CALIBRATE,))
 
 
-def _heights(look: _Look) -> Iterator[Limit]:
-    up_m = look.episode.anchor_up_m
-    if look.episode.tag_up_m is not None and up_m is not None and np.isfinite(up_m).all():
+def _heights(view: _View) -> Iterator[Limit]:
+    up_m = view.episode.anchor_up_m
+    if view.episode.tag_up_m is not None and up_m is not None and np.isfinite(up_m).all():
         return
-    nearest_m = float(np.nanmin(np.where(look.episode.valid, look.episode.range_m, np.nan)))
+    nearest_m = float(np.nanmin(np.where(view.episode.valid, view.episode.range_m, np.nan)))
     change_m = float(np.hypot(nearest_m, 1.0) - nearest_m)
     if change_m > _HEIGHT_M:
         text = (
@@ -345,10 +345,10 @@ def _heights(look: _Look) -> Iterator[Limit]:
         yield Limit(ReasonKind.HEIGHTS, text, (Advice.HEIGHTS,))
 
 
-def _few_cones(look: _Look) -> Iterator[Limit]:
-    if len(look.anchors) < 3:
+def _few_cones(view: _View) -> Iterator[Limit]:
+    if len(view.anchors) < 3:
         text = (
-            f"The log has {len(look.anchors)} cone{'s' if len(look.anchors) > 1 else ''}; an area "
+            f"The log has {len(view.anchors)} cone{'s' if len(view.anchors) > 1 else ''}; an area "
             "needs three."
         )
         yield Limit(ReasonKind.TOO_FEW_CONES, text, (Advice.MORE_CONES,))

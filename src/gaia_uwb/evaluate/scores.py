@@ -51,7 +51,7 @@ def reconstruct_and_score(
 
 
 @dataclass(frozen=True)
-class Test:
+class TestSet:
     """The episodes that methods are scored on.
 
     Parameters
@@ -82,7 +82,7 @@ def make_test(
     length: int | None,
     config: PipelineConfig,
     each: Callable[[Sequence[Scene]], Iterator[Scene]] = iter,
-) -> Test:
+) -> TestSet:
     """Prepare runs and cut them into windows.
 
     Parameters
@@ -116,11 +116,11 @@ def make_test(
                 empty += 1
     if not episodes:
         raise InputError(f"no run has a window of {length} steps with ranges")
-    return Test(tuple(episodes), tuple(groups), empty)
+    return TestSet(tuple(episodes), tuple(groups), empty)
 
 
 def score_method(
-    test: Test, method: str, config: PipelineConfig, *, true_nlos_labels: bool = False
+    test: TestSet, method: str, config: PipelineConfig, *, true_nlos_labels: bool = False
 ) -> Scores:
     """Reconstruct every episode with one denoiser and score it.
 
@@ -155,7 +155,7 @@ def score_method(
 
 
 def results_json(
-    scores: Sequence[Scores], test: Test, protocol: dict[str, Any], *, seed: int
+    scores: Sequence[Scores], test: TestSet, protocol: dict[str, Any], *, seed: int
 ) -> dict[str, Any]:
     """Return the content of ``results.json``: means with 95 % bootstrap intervals over runs.
 
@@ -197,7 +197,7 @@ def results_json(
     return {"schema": 1, "protocol": protocol | counts | {"seed": seed}, "rows": rows}
 
 
-def episodes_csv(scores: Sequence[Scores], test: Test) -> str:
+def episodes_csv(scores: Sequence[Scores], test: TestSet) -> str:
     """Return every episode's scores as CSV: method, episode, run, metric, value, unit, n."""
     import csv
     import io
