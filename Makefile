@@ -11,7 +11,7 @@ run: $(INSTALLED)  ## the main job on a simulated pass, made on the spot
 	$(BIN)/gaia reconstruct sim:lane-closure --out $(OUT)
 
 test: $(INSTALLED)  ## all tests, with line coverage
-	$(BIN)/pytest -n 2 --durations=10 --cov --cov-report=term:skip-covered --cov-fail-under=97
+	$(BIN)/pytest -n 2 --dist worksteal --durations=10 --cov --cov-report=term:skip-covered --cov-fail-under=97
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

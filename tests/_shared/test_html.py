@@ -47,7 +47,7 @@ def test_reconstruction_shows_the_verdict_and_every_anchor() -> None:
     )
     seen = Seen(reconstruction._repr_html_())
     assert seen.texts[0] == "a drive"
-    assert "ok: 3 of 4 anchors located, boundary ok, 6.0 m²" in seen.texts
+    assert "ok: 3 of 4 cones located, boundary ok, 6.0 m²" in seen.texts
     assert "cone-0: side" in seen.texts
     assert seen.tags.count("tr") == 5
     row = seen.texts.index("ambiguous")
@@ -90,7 +90,7 @@ def test_hostile_names_stay_text() -> None:
 def test_scene_and_episode_say_what_they_hold() -> None:
     scene = simulate_pass(PRESETS["lane-closure"], seed=0)
     texts = Seen(scene._repr_html_()).texts
-    assert f"{len(scene.ranges)} readings of 8 anchors, tied to WGS84" in texts
+    assert f"{len(scene.ranges)} readings of 8 cones, tied to WGS84" in texts
     counts = np.bincount(scene.ranges.anchor)
     at = texts.index("cone-1")
     assert texts[at + 1] == str(counts[0])

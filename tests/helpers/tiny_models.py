@@ -132,6 +132,6 @@ def train_tiny_zone(
 def train_tiny_steps(folder: Path, network: str, n_steps: int, **training: Any) -> None:
     """Train one of either family for some epochs, or portions."""
     if network == "gaia-set":
-        train_tiny_zone(folder, portions=n_steps, portion_episodes=64, **training)
+        train_tiny_zone(folder, portions=n_steps, **training)
     else:
         train_tiny(folder, NETWORKS[network], epochs=n_steps, position_noise_m=0.05, **training)

@@ -74,7 +74,7 @@ def test_a_model_without_a_note_is_taken_up_if_it_is_of_the_same_training(tmp_pa
 def test_a_training_that_was_stopped_goes_on_to_the_same_weights(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from gaia_uwb.learn import window_training as module
+    import gaia_uwb.learn as module
 
     plan, real = replace(TINY, epochs=2), module.train_window
     recipe = plan.recipe(KINDS["mlp"], 0)
