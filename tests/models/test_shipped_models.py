@@ -102,7 +102,7 @@ def test_the_zone_models_onnx_is_the_network_of_its_weights(folder: Path) -> Non
 
 def test_gaia_set_knows_zones_that_it_has_never_seen() -> None:
     episodes = tuple(simulate_episodes(find_preset("wild-test"), 40, seed=11))
-    test = evaluate.Test(episodes, tuple(episode.name for episode in episodes), 0)
+    test = evaluate.TestSet(episodes, tuple(episode.name for episode in episodes), 0)
 
     def scores(name: str) -> dict[str, float]:
         found = aggregate(
