@@ -6,7 +6,7 @@ Heavy modules are imported inside the commands, so that ``gaia --help`` is quick
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -22,9 +22,6 @@ from gaia_uwb.cli.reproduce import reproduce_app
 from gaia_uwb.cli.simulate import simulate
 from gaia_uwb.cli.train import train
 from gaia_uwb.cli.wzdx import wzdx_app
-
-if TYPE_CHECKING:
-    pass
 
 app = typer.Typer(
     name="gaia",

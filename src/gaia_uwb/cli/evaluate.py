@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -17,9 +17,6 @@ from gaia_uwb.cli.options import (
     version,
 )
 from gaia_uwb.cli.terminal import print_results, progress_bar, track
-
-if TYPE_CHECKING:
-    pass
 
 SCORED = "raw,median,kalman,pose-kalman,gaia-set"
 

@@ -30,7 +30,6 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -48,9 +47,6 @@ from gaia_uwb.outputs.plain_words import people_report
 from gaia_uwb.outputs.tables import other_place, write_anchors, write_ranges
 from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.zone import BoundaryUncertainty
-
-if TYPE_CHECKING:
-    pass
 
 SCHEMA = 2
 
