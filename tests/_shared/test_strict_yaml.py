@@ -11,8 +11,7 @@ from typing import Any
 
 import pytest
 import yaml
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from gaia_uwb._shared.strict_yaml import YamlError, parse_yaml, read_yaml
 

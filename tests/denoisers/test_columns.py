@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from alike import assert_same
 from drives import FILTERS, METHODS, NOISE_M, denoise, drive_past, make_episode

@@ -7,8 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from gaia_uwb.denoised import DenoisedRanges, ZonePosterior
 from gaia_uwb.denoisers._pieces import Piece, pieces_of, put_together, sections

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 
 from gaia_uwb._shared.errors import InputError
 from gaia_uwb.evaluate.rigid_alignment import rigid_align

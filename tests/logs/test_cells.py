@@ -3,8 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from gaia_uwb._shared.errors import InputError
 from gaia_uwb.logs._cells import Kind, find_row, find_wrong_cell, read_header

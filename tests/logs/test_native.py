@@ -8,8 +8,7 @@ from typing import Any, Literal
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from gaia_uwb._shared.errors import GaiaError, InputError, SourceError
 from gaia_uwb.logs.native import is_native, read_native, read_with_notes, write_native

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from shapely.geometry import LinearRing, shape
 
 from factories import NOWHERE, SITE, SQUARE_M, make_fix, make_reconstruction, make_unlocated

@@ -6,8 +6,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from gaia_uwb._shared.arrays import Array, Float64
 from gaia_uwb.simulate.layouts import (

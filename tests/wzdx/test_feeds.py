@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from factories import make_fix, make_reason, make_reconstruction, make_unlocated
 from gaia_uwb._shared.errors import ConfigError, InputError

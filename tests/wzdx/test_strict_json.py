@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from gaia_uwb._shared.errors import InputError
 from gaia_uwb.wzdx.strict_json import DEEPEST, LARGEST_BYTES, parse_json, read_json

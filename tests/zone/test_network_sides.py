@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from gaia_uwb.config import PipelineConfig, SolverConfig, make_config
 from gaia_uwb.denoised import ZonePosterior

@@ -1,48 +1,55 @@
-from .arrays import Array as Array
-from .arrays import Bool as Bool
-from .arrays import Float32 as Float32
-from .arrays import Float64 as Float64
-from .arrays import Int64 as Int64
-from .checks import check_finite as check_finite
-from .checks import check_heights as check_heights
-from .checks import check_ids as check_ids
-from .checks import check_increasing as check_increasing
-from .checks import check_shape as check_shape
-from .checks import freeze as freeze
-from .errors import ConfigError as ConfigError
-from .errors import DownloadError as DownloadError
-from .errors import GaiaError as GaiaError
-from .errors import InputError as InputError
-from .errors import SourceError as SourceError
-from .figures import INK as INK
-from .figures import SCREEN_DPI as SCREEN_DPI
-from .figures import figure_files as figure_files
-from .figures import figure_png as figure_png
-from .figures import figure_svg as figure_svg
-from .figures import house_style as house_style
-from .figures import legend_above as legend_above
-from .figures import look as look
-from .figures import new_figure as new_figure
-from .files import OutputFolder as OutputFolder
-from .files import remove_abandoned as remove_abandoned
-from .files import temporary_path as temporary_path
-from .files import visible as visible
-from .html import Mark as Mark
-from .html import sketch as sketch
-from .html import summary as summary
-from .levels import CHI_SQUARE_90 as CHI_SQUARE_90
-from .levels import SIGMAS_90 as SIGMAS_90
-from .strict_yaml import MAX_BYTES as MAX_BYTES
-from .strict_yaml import YamlError as YamlError
-from .strict_yaml import read_yaml as read_yaml
+from .arrays import (
+    Array as Array,
+    Bool as Bool,
+    Float32 as Float32,
+    Float64 as Float64,
+    Int64 as Int64,
+)
+from .checks import (
+    check_finite as check_finite,
+    check_heights as check_heights,
+    check_ids as check_ids,
+    check_increasing as check_increasing,
+    check_shape as check_shape,
+    freeze as freeze,
+)
+from .errors import (
+    ConfigError as ConfigError,
+    DownloadError as DownloadError,
+    GaiaError as GaiaError,
+    InputError as InputError,
+    SourceError as SourceError,
+)
+from .figures import (
+    INK as INK,
+    SCREEN_DPI as SCREEN_DPI,
+    figure_files as figure_files,
+    figure_png as figure_png,
+    figure_svg as figure_svg,
+    house_style as house_style,
+    legend_above as legend_above,
+    look as look,
+    new_figure as new_figure,
+)
+from .files import (
+    OutputFolder as OutputFolder,
+    remove_abandoned as remove_abandoned,
+    temporary_path as temporary_path,
+    visible as visible,
+)
+from .html import Mark as Mark, sketch as sketch, summary as summary
+from .levels import CHI_SQUARE_90 as CHI_SQUARE_90, SIGMAS_90 as SIGMAS_90
+from .strict_yaml import MAX_BYTES as MAX_BYTES, YamlError as YamlError, read_yaml as read_yaml
 from .symmetric import Symmetric as Symmetric
-from .text import counted as counted
-from .text import in_a_line as in_a_line
-from .text import in_html as in_html
-from .text import in_markdown as in_markdown
-from .text import metres as metres
-from .text import percent as percent
-from .text import printable as printable
-from .text import shortened as shortened
-from .text import shown as shown
-from .text import written_out as written_out
+from .text import (
+    counted as counted,
+    in_a_line as in_a_line,
+    in_html as in_html,
+    in_markdown as in_markdown,
+    metres as metres,
+    percent as percent,
+    printable as printable,
+    shortened as shortened,
+    shown as shown,
+    written_out as written_out,
+)

@@ -1,11 +1,13 @@
 from .calibration import calibrate as calibrate
 from .clock import estimate_clock_offset as estimate_clock_offset
-from .readings import Pose as Pose
-from .readings import Readings as Readings
-from .readings import anchor_heights as anchor_heights
-from .readings import fit_anchors as fit_anchors
-from .readings import gather_readings as gather_readings
-from .readings import pose_at as pose_at
-from .readings import slant_m as slant_m
+from .readings import (
+    Pose as Pose,
+    Readings as Readings,
+    anchor_heights as anchor_heights,
+    fit_anchors as fit_anchors,
+    gather_readings as gather_readings,
+    pose_at as pose_at,
+    slant_m as slant_m,
+)
 from .spikes import gate_spikes as gate_spikes
 from .timeline import align as align

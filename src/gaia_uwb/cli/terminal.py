@@ -24,8 +24,13 @@ _Item = TypeVar("_Item")
 def progress_bar() -> Progress:
     """Return a progress bar on a terminal, nothing elsewhere: results follow as plain lines."""
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bar
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress as Bar,
+        TextColumn,
+        TimeRemainingColumn,
+    )
 
     console = Console(stderr=True)
     return Bar(

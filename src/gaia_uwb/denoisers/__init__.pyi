@@ -1,11 +1,15 @@
-from ._base import ColumnDenoiser as ColumnDenoiser
-from ._base import ColumnRanges as ColumnRanges
-from ._base import Columns as Columns
-from ._base import Denoiser as Denoiser
-from ._base import Options as Options
+from ._base import (
+    ColumnDenoiser as ColumnDenoiser,
+    ColumnRanges as ColumnRanges,
+    Columns as Columns,
+    Denoiser as Denoiser,
+    Options as Options,
+)
 from ._onnx import find_trained as find_trained
-from .registry import DENOISERS as DENOISERS
-from .registry import denoiser_class as denoiser_class
-from .registry import denoiser_identity as denoiser_identity
-from .registry import make_denoiser as make_denoiser
+from .registry import (
+    DENOISERS as DENOISERS,
+    denoiser_class as denoiser_class,
+    denoiser_identity as denoiser_identity,
+    make_denoiser as make_denoiser,
+)
 from .window_networks import WindowNetwork as WindowNetwork

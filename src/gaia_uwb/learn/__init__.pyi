@@ -2,22 +2,23 @@ from .loop import Progress as Progress
 from .loss_plots import plot_losses as plot_losses
 from .networks.gaia import Gaia as Gaia
 from .networks.make import make_network as make_network
-from .recipes import ABLATIONS as ABLATIONS
-from .recipes import KINDS as KINDS
-from .recipes import Recipe as Recipe
-from .recipes import load_recipe as load_recipe
-from .recipes import make_recipe as make_recipe
-from .training_folder import LOG as LOG
-from .training_folder import STATE as STATE
-from .window_sets import WindowSetOptions as WindowSetOptions
-from .window_sets import WindowSets as WindowSets
-from .window_sets import held_out as held_out
-from .window_sets import logged_sets as logged_sets
-from .window_sets import n_folds as n_folds
-from .window_sets import preparation_config as preparation_config
-from .window_sets import prepare_runs as prepare_runs
-from .window_sets import simulated_sets as simulated_sets
-from .window_training import WindowTask as WindowTask
-from .window_training import train_window as train_window
-from .zone_training import ZoneTask as ZoneTask
-from .zone_training import train_zone as train_zone
+from .recipes import (
+    ABLATIONS as ABLATIONS,
+    KINDS as KINDS,
+    Recipe as Recipe,
+    load_recipe as load_recipe,
+    make_recipe as make_recipe,
+)
+from .training_folder import LOG as LOG, STATE as STATE
+from .window_sets import (
+    WindowSetOptions as WindowSetOptions,
+    WindowSets as WindowSets,
+    held_out as held_out,
+    logged_sets as logged_sets,
+    n_folds as n_folds,
+    preparation_config as preparation_config,
+    prepare_runs as prepare_runs,
+    simulated_sets as simulated_sets,
+)
+from .window_training import WindowTask as WindowTask, train_window as train_window
+from .zone_training import ZoneTask as ZoneTask, train_zone as train_zone

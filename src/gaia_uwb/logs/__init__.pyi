@@ -1,19 +1,20 @@
-from .described import is_described as is_described
-from .described import named_elsewhere as named_elsewhere
-from .described import read_described as read_described
-from .download import data_folder as data_folder
-from .download import dataset_folder as dataset_folder
-from .download import fetch as fetch
-from .episodes import count_episodes as count_episodes
-from .episodes import read_episodes as read_episodes
-from .episodes import write_episodes as write_episodes
+from .described import (
+    is_described as is_described,
+    named_elsewhere as named_elsewhere,
+    read_described as read_described,
+)
+from .download import data_folder as data_folder, dataset_folder as dataset_folder, fetch as fetch
+from .episodes import (
+    count_episodes as count_episodes,
+    read_episodes as read_episodes,
+    write_episodes as write_episodes,
+)
 from .input_description import InputDescription as InputDescription
-from .native import is_native as is_native
-from .native import read_native as read_native
-from .native import read_with_notes as read_with_notes
-from .native import write_native as write_native
-from .outdoor_static import StaticFile as StaticFile
-from .outdoor_static import load_static as load_static
-from .registry import REGISTRY as REGISTRY
-from .registry import Dataset as Dataset
-from .registry import import_function as import_function
+from .native import (
+    is_native as is_native,
+    read_native as read_native,
+    read_with_notes as read_with_notes,
+    write_native as write_native,
+)
+from .outdoor_static import StaticFile as StaticFile, load_static as load_static
+from .registry import REGISTRY as REGISTRY, Dataset as Dataset, import_function as import_function

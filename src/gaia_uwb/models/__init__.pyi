@@ -1,41 +1,52 @@
 from .card import model_card as model_card
-from .checkpoint import CARD as CARD
-from .checkpoint import DESCRIPTION as DESCRIPTION
-from .checkpoint import ONNX as ONNX
-from .checkpoint import WEIGHTS as WEIGHTS
-from .checkpoint import find_model as find_model
-from .checkpoint import pack as pack
-from .checkpoint import read_description as read_description
-from .checkpoint import read_file as read_file
-from .checkpoint import read_weights as read_weights
-from .checkpoint import seal as seal
-from .checkpoint import unpack as unpack
-from .description import ZONE_FARTHEST_M as ZONE_FARTHEST_M
-from .description import ZONE_LONGEST_STEPS as ZONE_LONGEST_STEPS
-from .description import ZONE_MOST_ANCHORS as ZONE_MOST_ANCHORS
-from .description import GaiaArchitecture as GaiaArchitecture
-from .description import GaiaSetArchitecture as GaiaSetArchitecture
-from .description import MlpArchitecture as MlpArchitecture
-from .description import Model as Model
-from .description import PoseMlpArchitecture as PoseMlpArchitecture
-from .description import WindowArchitecture as WindowArchitecture
-from .description import WindowModel as WindowModel
-from .description import ZoneModel as ZoneModel
-from .domain import Domain as Domain
-from .domain import Normalisation as Normalisation
+from .checkpoint import (
+    CARD as CARD,
+    DESCRIPTION as DESCRIPTION,
+    ONNX as ONNX,
+    WEIGHTS as WEIGHTS,
+    find_model as find_model,
+    pack as pack,
+    read_description as read_description,
+    read_file as read_file,
+    read_weights as read_weights,
+    seal as seal,
+    unpack as unpack,
+)
+from .description import (
+    ZONE_FARTHEST_M as ZONE_FARTHEST_M,
+    ZONE_LONGEST_STEPS as ZONE_LONGEST_STEPS,
+    ZONE_MOST_ANCHORS as ZONE_MOST_ANCHORS,
+    GaiaArchitecture as GaiaArchitecture,
+    GaiaSetArchitecture as GaiaSetArchitecture,
+    MlpArchitecture as MlpArchitecture,
+    Model as Model,
+    PoseMlpArchitecture as PoseMlpArchitecture,
+    WindowArchitecture as WindowArchitecture,
+    WindowModel as WindowModel,
+    ZoneModel as ZoneModel,
+)
+from .domain import Domain as Domain, Normalisation as Normalisation
 from .path_frame import PathFrame as PathFrame
-from .plausible_correction import largest_median_correction_m as largest_median_correction_m
-from .plausible_correction import needed_corrections_m as needed_corrections_m
-from .plausible_correction import plausible_correction_m as plausible_correction_m
-from .training_options import WindowTrainingOptions as WindowTrainingOptions
-from .training_options import ZoneTrainingOptions as ZoneTrainingOptions
-from .training_options import base_training as base_training
-from .window_inputs import WindowInputs as WindowInputs
-from .window_inputs import blend as blend
-from .window_inputs import make_window_inputs as make_window_inputs
-from .window_inputs import window_starts as window_starts
-from .window_inputs import window_targets as window_targets
-from .zone_inputs import ZoneInputs as ZoneInputs
-from .zone_inputs import ZoneReadings as ZoneReadings
-from .zone_inputs import make_zone_inputs as make_zone_inputs
-from .zone_inputs import zone_readings as zone_readings
+from .plausible_correction import (
+    largest_median_correction_m as largest_median_correction_m,
+    needed_corrections_m as needed_corrections_m,
+    plausible_correction_m as plausible_correction_m,
+)
+from .training_options import (
+    WindowTrainingOptions as WindowTrainingOptions,
+    ZoneTrainingOptions as ZoneTrainingOptions,
+    base_training as base_training,
+)
+from .window_inputs import (
+    WindowInputs as WindowInputs,
+    blend as blend,
+    make_window_inputs as make_window_inputs,
+    window_starts as window_starts,
+    window_targets as window_targets,
+)
+from .zone_inputs import (
+    ZoneInputs as ZoneInputs,
+    ZoneReadings as ZoneReadings,
+    make_zone_inputs as make_zone_inputs,
+    zone_readings as zone_readings,
+)

@@ -1,29 +1,30 @@
-from .batches import simulate as simulate
-from .batches import simulate_episodes as simulate_episodes
-from .blocks import EpisodeBlock as EpisodeBlock
-from .blocks import simulate_blocks as simulate_blocks
+from .batches import simulate as simulate, simulate_episodes as simulate_episodes
+from .blocks import EpisodeBlock as EpisodeBlock, simulate_blocks as simulate_blocks
 from .layouts import road_to_local as road_to_local
-from .passes import Setting as Setting
-from .passes import set_up as set_up
-from .passes import simulate_episode as simulate_episode
-from .passes import simulate_pass as simulate_pass
-from .passes import simulate_zone as simulate_zone
-from .presets import PRESETS as PRESETS
-from .presets import find_preset as find_preset
-from .reality.check import PAPER_ROWS as PAPER_ROWS
-from .reality.check import VIEWS as VIEWS
-from .reality.check import Row as Row
-from .reality.check import SimulatorCheck as SimulatorCheck
-from .reality.check import check_simulator as check_simulator
-from .reality.fit import fit_ranging as fit_ranging
-from .reality.fit import preset_text as preset_text
-from .reality.statistics import ErrorSummary as ErrorSummary
-from .reality.statistics import autocorrelation as autocorrelation
+from .passes import (
+    Setting as Setting,
+    set_up as set_up,
+    simulate_episode as simulate_episode,
+    simulate_pass as simulate_pass,
+    simulate_zone as simulate_zone,
+)
+from .presets import PRESETS as PRESETS, find_preset as find_preset
+from .reality.check import (
+    PAPER_ROWS as PAPER_ROWS,
+    VIEWS as VIEWS,
+    Row as Row,
+    SimulatorCheck as SimulatorCheck,
+    check_simulator as check_simulator,
+)
+from .reality.fit import fit_ranging as fit_ranging, preset_text as preset_text
+from .reality.statistics import ErrorSummary as ErrorSummary, autocorrelation as autocorrelation
 from .roaming import simulate_roaming as simulate_roaming
-from .settings import ClosureConfig as ClosureConfig
-from .settings import DriveConfig as DriveConfig
-from .settings import PassConfig as PassConfig
-from .settings import RangingConfig as RangingConfig
-from .settings import RoadConfig as RoadConfig
-from .settings import ZoneKind as ZoneKind
+from .settings import (
+    ClosureConfig as ClosureConfig,
+    DriveConfig as DriveConfig,
+    PassConfig as PassConfig,
+    RangingConfig as RangingConfig,
+    RoadConfig as RoadConfig,
+    ZoneKind as ZoneKind,
+)
 from .source import load as load

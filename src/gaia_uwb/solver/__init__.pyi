@@ -1,12 +1,16 @@
-from .batch import Chunk as Chunk
-from .batch import at_side as at_side
-from .batch import better_side as better_side
-from .batch import chunks as chunks
-from .batch import correlation_lag as correlation_lag
-from .batch import normal_sums as normal_sums
-from .batch import velocity as velocity
-from .batch import with_prior as with_prior
-from .multilateration import Solutions as Solutions
-from .multilateration import SolverOptions as SolverOptions
-from .multilateration import fisher_share as fisher_share
-from .multilateration import solve as solve
+from .batch import (
+    Chunk as Chunk,
+    at_side as at_side,
+    better_side as better_side,
+    chunks as chunks,
+    correlation_lag as correlation_lag,
+    normal_sums as normal_sums,
+    velocity as velocity,
+    with_prior as with_prior,
+)
+from .multilateration import (
+    Solutions as Solutions,
+    SolverOptions as SolverOptions,
+    fisher_share as fisher_share,
+    solve as solve,
+)

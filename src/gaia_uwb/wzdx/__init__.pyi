@@ -1,16 +1,16 @@
 from .dates import parse_date as parse_date
-from .feeds import Feeds as Feeds
-from .feeds import make_feeds as make_feeds
-from .feeds import write_feeds as write_feeds
+from .feeds import Feeds as Feeds, make_feeds as make_feeds, write_feeds as write_feeds
 from .problems import Problem as Problem
 from .schemas import OfficialSchemas as OfficialSchemas
-from .settings import DataSourceConfig as DataSourceConfig
-from .settings import FeedConfig as FeedConfig
-from .settings import load_feed_config as load_feed_config
-from .settings import make_feed_config as make_feed_config
-from .validate import MOST_PROBLEMS as MOST_PROBLEMS
-from .validate import validate_document as validate_document
-from .validate import validate_files as validate_files
-from .zone import FeedZone as FeedZone
-from .zone import read_zone as read_zone
-from .zone import zone_of as zone_of
+from .settings import (
+    DataSourceConfig as DataSourceConfig,
+    FeedConfig as FeedConfig,
+    load_feed_config as load_feed_config,
+    make_feed_config as make_feed_config,
+)
+from .validate import (
+    MOST_PROBLEMS as MOST_PROBLEMS,
+    validate_document as validate_document,
+    validate_files as validate_files,
+)
+from .zone import FeedZone as FeedZone, read_zone as read_zone, zone_of as zone_of

@@ -1,21 +1,21 @@
 from .boundary import make_boundary as make_boundary
-from .decision import Combinations as Combinations
-from .decision import Decision as Decision
+from .decision import Combinations as Combinations, Decision as Decision
 from .known_facts import KnownFacts as KnownFacts
-from .network_sides import decide_zone as decide_zone
-from .network_sides import widened as widened
+from .network_sides import decide_zone as decide_zone, widened as widened
 from .path_sides import PathSides as PathSides
-from .polygons import convex_hull as convex_hull
-from .polygons import cross as cross
-from .polygons import hausdorff as hausdorff
-from .polygons import polygon_iou as polygon_iou
-from .scene_samples import Scenes as Scenes
-from .scene_samples import sample_scenes as sample_scenes
-from .sides import decide_sides as decide_sides
-from .sides import resolve_sides as resolve_sides
+from .polygons import (
+    convex_hull as convex_hull,
+    cross as cross,
+    hausdorff as hausdorff,
+    polygon_iou as polygon_iou,
+)
+from .scene_samples import Scenes as Scenes, sample_scenes as sample_scenes
+from .sides import decide_sides as decide_sides, resolve_sides as resolve_sides
 from .statement import said_words as said_words
-from .uncertainty import PROBABILITY as PROBABILITY
-from .uncertainty import BoundaryUncertainty as BoundaryUncertainty
-from .uncertainty import Levels as Levels
-from .uncertainty import Region as Region
-from .uncertainty import boundary_uncertainty as boundary_uncertainty
+from .uncertainty import (
+    PROBABILITY as PROBABILITY,
+    BoundaryUncertainty as BoundaryUncertainty,
+    Levels as Levels,
+    Region as Region,
+    boundary_uncertainty as boundary_uncertainty,
+)

@@ -1,17 +1,13 @@
-from .container import Bag as Bag
-from .container import Channel as Channel
-from .container import unpack_message as unpack_message
-from .fields import BY_TOPIC as BY_TOPIC
-from .fields import FieldError as FieldError
-from .fields import FieldMap as FieldMap
-from .fields import Reading as Reading
-from .fields import find_field as find_field
-from .fields import getter as getter
-from .fields import guess_ranges as guess_ranges
-from .fields import resolve_ranges as resolve_ranges
-from .log import is_ros2_folder as is_ros2_folder
-from .log import open_log as open_log
-from .log import scan as scan
-from .log import walk as walk
-from .types import Fields as Fields
-from .types import Types as Types
+from .container import Bag as Bag, Channel as Channel, unpack_message as unpack_message
+from .fields import (
+    BY_TOPIC as BY_TOPIC,
+    FieldError as FieldError,
+    FieldMap as FieldMap,
+    Reading as Reading,
+    find_field as find_field,
+    getter as getter,
+    guess_ranges as guess_ranges,
+    resolve_ranges as resolve_ranges,
+)
+from .log import is_ros2_folder as is_ros2_folder, open_log as open_log, scan as scan, walk as walk
+from .types import Fields as Fields, Types as Types
