@@ -21,7 +21,7 @@ TINY = replace(
     n_training=4,
     n_validation=2,
     hidden=4,
-    run_s=14.0,
+    run_s=8.0,
 )
 
 
