@@ -17,7 +17,7 @@ from pathlib import Path
 
 import _tally
 from gaia_uwb import __version__
-from gaia_uwb._shared import OutputFolder
+from gaia_uwb._shared import OutputFolder, replace_file
 from gaia_uwb.models import GaiaSetArchitecture, ZoneModel, ZoneTrainingOptions
 
 PAGE = Path(__file__).parents[2] / "docs" / "gaia-set-ablation.md"
@@ -71,7 +71,7 @@ def main() -> None:
         validation=options.validation_episodes,
     )
     text = "\n".join([head, *(table(kind, found) for kind in KINDS), f"gaia {__version__}.\n"])
-    OutputFolder(given.page.parent).write_text(given.page.name, text)
+    replace_file(given.page, text)
 
 
 def optimised(options: ZoneTrainingOptions, variant: str) -> ZoneTrainingOptions:

@@ -45,7 +45,7 @@ def main() -> None:
     for method, values in result.items():
         print(method.ljust(22) + "".join(f"{values[name]:22.3f}" for name in METRICS))
     content = {"episodes": n, "los_share": los, "methods": result}
-    OutputFolder(OUT).write_text("stress_regime.json", json.dumps(content, indent=2) + "\n")
+    OutputFolder(OUT).write("stress_regime.json", json.dumps(content, indent=2) + "\n")
 
 
 if __name__ == "__main__":

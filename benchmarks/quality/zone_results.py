@@ -22,7 +22,7 @@ import numpy as np
 
 import _tally
 from gaia_uwb import __version__
-from gaia_uwb._shared import OutputFolder
+from gaia_uwb._shared import replace_file
 from gaia_uwb.api import load_scenes
 from gaia_uwb.config import PipelineConfig, SidesConfig, SolverConfig
 from gaia_uwb.episode import Episode
@@ -143,9 +143,9 @@ def main() -> None:
     parts.append(
         f"Models: {', '.join(models)}; gaia {__version__}; {seconds:.0f} s on two cores.\n"
     )
-    folder = OutputFolder(given.out)
-    folder.write_text(PAGE.name, "\n".join(parts))
-    folder.write_text("gaia-set-results.json", json.dumps(results, indent=2) + "\n")
+    given.out.mkdir(parents=True, exist_ok=True)
+    replace_file(given.out / PAGE.name, "\n".join(parts))
+    replace_file(given.out / "gaia-set-results.json", json.dumps(results, indent=2) + "\n")
 
 
 Scores = list[list[dict[str, Metric]]]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,6 +19,8 @@ from gaia_uwb._shared.files import OutputFolder, remove_abandoned, temporary_pat
 from killed_runs import KilledRuns, gaia
 from wzdx_cases import FEED_YAML
 
+RECORD = ".gaia-files"
+
 
 def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
@@ -27,61 +31,91 @@ def test_makes_missing_folders_and_leaves_nothing_in_them(tmp_path: Path) -> Non
     assert names(tmp_path / "a" / "b") == []
 
 
-def test_writes_and_overwrites_text_bytes_and_by_callback(tmp_path: Path) -> None:
+def test_writes_and_overwrites_text_and_bytes(tmp_path: Path) -> None:
     folder = OutputFolder(tmp_path)
-    folder.write_text("text.txt", "Straße\r\n")
-    folder.write_text("text.txt", "Weg\n")
-    folder.write_bytes("bytes.bin", b"\x00\xff")
-    path = folder.write("table.csv", lambda temporary: temporary.write_text("a,b\n"))
-    assert path == tmp_path / "table.csv"
-    assert (tmp_path / "text.txt").read_bytes() == b"Weg\n"
+    folder.write("text.txt", "Straße\r\n")
+    path = folder.write("text.txt", "Weg\n")
+    folder.write("bytes.bin", b"\x00\xff")
+    assert path == tmp_path / "text.txt"
+    assert path.read_bytes() == b"Weg\n"
     assert (tmp_path / "bytes.bin").read_bytes() == b"\x00\xff"
-    assert path.read_text() == "a,b\n"
-    assert names(tmp_path) == ["bytes.bin", "table.csv", "text.txt"]
+    assert names(tmp_path) == [RECORD, "bytes.bin", "text.txt"]
+
+
+def test_another_run_replaces_what_one_of_ours_wrote(tmp_path: Path) -> None:
+    OutputFolder(tmp_path).write("report.json", "old")
+    OutputFolder(tmp_path).write("report.json", "new")
+    assert (tmp_path / "report.json").read_text() == "new"
+
+
+def test_a_file_of_somebody_elses_is_neither_replaced_nor_removed(tmp_path: Path) -> None:
+    theirs = tmp_path / "cones.csv"
+    theirs.write_text("theirs")
+    folder = OutputFolder(tmp_path)
+    with pytest.raises(ConfigError, match=r"cones\.csv: was not written by gaia"):
+        folder.claim(["report.json", "cones.csv"])
+    with pytest.raises(ConfigError, match=r"cones\.csv: was not written by gaia"):
+        folder.write("cones.csv", "ours")
+    folder.remove("cones.csv")
+    assert theirs.read_text() == "theirs"
+    folder.write("report.json", "{}")  # neither name was recorded by the claim that failed
+    assert folder.names() == {"report.json"}
+
+
+def test_a_dangling_link_of_somebody_elses_is_a_file_too(tmp_path: Path) -> None:
+    (tmp_path / "map.html").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(ConfigError, match=r"map\.html: was not written by gaia"):
+        OutputFolder(tmp_path).claim(["map.html"])
+
+
+def test_a_name_is_on_the_record_before_the_file_is_there(tmp_path: Path) -> None:
+    # Killed in between, the next run finds its own half of the work and may replace it.
+    OutputFolder(tmp_path).claim(["a.json"])
+    (tmp_path / "a.json").write_text("of the killed run")
+    OutputFolder(tmp_path).write("a.json", "new")
+
+
+def test_a_record_that_was_cut_off_claims_nothing_more(tmp_path: Path) -> None:
+    folder = OutputFolder(tmp_path)
+    folder.claim(["cones.csv"])
+    record = tmp_path / RECORD
+    record.write_text(record.read_text()[:-5])
+    folder.claim(["report.md"])
+    assert {"report.md"} <= folder.names()
+    (tmp_path / "cones.csv").write_text("theirs")
+    with pytest.raises(ConfigError, match="was not written by gaia"):
+        folder.write("cones.csv", "ours")
 
 
 def test_a_name_that_is_no_utf_8_is_written_in_ascii(tmp_path: Path) -> None:
-    path = OutputFolder(tmp_path).write_text("a.json", '{"log": "Stra\udcdfe"}')
+    path = OutputFolder(tmp_path).write("a.json", '{"log": "Stra\udcdfe"}')
     assert path.read_bytes() == b'{"log": "Stra\\udcdfe"}'
-
-
-def test_temporary_name_keeps_the_suffix(tmp_path: Path) -> None:
-    seen: list[Path] = []
-
-    def write(temporary: Path) -> None:
-        seen.append(temporary)
-        temporary.write_bytes(b"")
-
-    OutputFolder(tmp_path).write("plot.png", write)
-    assert seen[0].suffix == ".png"
-    assert seen[0].parent == tmp_path
-    assert seen[0].name.startswith(".")
 
 
 def test_files_follow_the_umask(tmp_path: Path) -> None:
     before = os.umask(0o022)
     try:
-        path = OutputFolder(tmp_path).write_text("report.json", "{}")
+        path = OutputFolder(tmp_path).write("report.json", "{}")
     finally:
         os.umask(before)
     assert path.stat().st_mode & 0o777 == 0o644
 
 
-@pytest.mark.parametrize("error", [RuntimeError("broken"), KeyboardInterrupt()])
-def test_failing_writer_leaves_the_old_file_and_no_litter(
-    tmp_path: Path, error: BaseException
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "full"), KeyboardInterrupt()])
+def test_a_write_that_fails_leaves_the_old_file_and_no_litter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
     folder = OutputFolder(tmp_path)
-    folder.write_text("report.json", "old")
+    folder.write("report.json", "old")
 
-    def write_half(temporary: Path) -> None:
-        temporary.write_text("ne")
+    def fail(number: int) -> None:
         raise error
 
-    with pytest.raises(type(error)):
-        folder.write("report.json", write_half)
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(ConfigError if isinstance(error, OSError) else KeyboardInterrupt):
+        folder.write("report.json", "new")
     assert (tmp_path / "report.json").read_text() == "old"
-    assert names(tmp_path) == ["report.json"]
+    assert names(tmp_path) == [RECORD, "report.json"]
 
 
 def test_folder_that_is_a_file(tmp_path: Path) -> None:
@@ -101,14 +135,27 @@ def test_folder_that_refuses_files() -> None:
 
 def test_folder_that_vanishes_and_name_that_is_taken(tmp_path: Path) -> None:
     folder = OutputFolder(tmp_path / "out")
+    folder.claim(["plot.png"])
     (tmp_path / "out" / "plot.png").mkdir()
     with pytest.raises(ConfigError, match=r"plot\.png: cannot write this file: Is a directory"):
-        folder.write_bytes("plot.png", b"")
-    assert names(tmp_path / "out") == ["plot.png"]
-    (tmp_path / "out" / "plot.png").rmdir()
-    (tmp_path / "out").rmdir()
-    with pytest.raises(ConfigError, match=r"report\.json: cannot write this file: No such file"):
-        folder.write_text("report.json", "{}")
+        folder.write("plot.png", b"")
+    assert names(tmp_path / "out") == [RECORD, "plot.png"]
+    shutil.rmtree(tmp_path / "out")
+    with pytest.raises(ConfigError, match=r"cannot write this file: No such file"):
+        folder.write("report.json", "{}")
+
+
+HALF = """
+import os
+flush = os.fsync
+def stand_still(number):
+    if ".gaia-files" not in os.readlink(f"/proc/self/fd/{number}"):
+        print("half", flush=True)
+        time.sleep(60)
+    flush(number)
+os.fsync = stand_still
+"""
+"""Stands still after a file is written and before it gets its name."""
 
 
 def start(code: str, folder: Path) -> subprocess.Popen[bytes]:
@@ -128,16 +175,8 @@ def kill(process: subprocess.Popen[bytes]) -> None:
 
 
 def test_kill_in_the_middle_of_a_write_leaves_the_old_file(tmp_path: Path) -> None:
-    OutputFolder(tmp_path).write_text("report.json", "old")
-    code = """
-def write_half(temporary):
-    with temporary.open("w") as file:
-        file.write("ne")
-        file.flush()
-        print("half", flush=True)
-        time.sleep(60)
-folder.write("report.json", write_half)
-"""
+    OutputFolder(tmp_path).write("report.json", "old")
+    code = HALF + 'folder.write("report.json", "new")\n'
     process = start(code, tmp_path)
     assert process.stdout is not None
     assert process.stdout.readline() == b"half\n"
@@ -147,22 +186,16 @@ folder.write("report.json", write_half)
 
 
 def test_what_a_killed_run_left_is_removed_by_the_next(tmp_path: Path) -> None:
-    code = """
-def write_half(temporary):
-    temporary.touch()
-    print("half", flush=True)
-    time.sleep(60)
-folder.write("a.bin", write_half)
-"""
+    code = HALF + 'folder.write("a.bin", b"")\n'
     process = start(code, tmp_path)
     assert process.stdout is not None
     process.stdout.readline()
-    ((left),) = names(tmp_path)
+    (left,) = set(names(tmp_path)) - {RECORD}
     OutputFolder(tmp_path)
-    assert names(tmp_path) == [left]  # its owner lives
+    assert names(tmp_path) == sorted([left, RECORD])  # its owner lives
     kill(process)
     OutputFolder(tmp_path)
-    assert names(tmp_path) == []
+    assert names(tmp_path) == [RECORD]
 
 
 def test_what_may_have_an_owner_stays_for_a_day(tmp_path: Path) -> None:
@@ -214,7 +247,7 @@ def test_kill_at_any_moment_never_shows_half_a_file(tmp_path: Path) -> None:
     code = """
 while True:
     for letter in (b"a", b"b"):
-        folder.write_bytes("big.bin", letter * 1_000_000)
+        folder.write("big.bin", letter * 1_000_000)
         print("once", flush=True)
 """
     for wait_s in (0.0, 0.011, 0.023):
@@ -229,10 +262,11 @@ while True:
 
 def test_remove_a_file_of_an_earlier_run(tmp_path: Path) -> None:
     output = OutputFolder(tmp_path)
-    output.write_text("report.json", "{}")
+    output.write("report.json", "{}")
     output.remove("report.json")
     output.remove("report.json")
-    assert list(tmp_path.iterdir()) == []
+    assert names(tmp_path) == [RECORD]
+    output.claim(["folder"])
     (tmp_path / "folder").mkdir()
     with pytest.raises(ConfigError, match="cannot remove this file"):
         output.remove("folder")

@@ -19,8 +19,8 @@ from surveyed import make_runs
 
 FILES = (
     "report.json",
-    "anchors.csv",
-    "ranges.parquet",
+    "cones.csv",
+    "clean-ranges.parquet",
     "boundary.geojson",
     "plot.png",
     "report.md",

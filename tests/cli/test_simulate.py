@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gaia_uwb._shared.files import visible
 from gaia_uwb.logs.episodes import read_episodes
 from gaia_uwb.logs.native import write_native
 from gaia_uwb.simulate import PRESETS, simulate_episode, simulate_pass
@@ -17,7 +18,7 @@ def test_simulate_and_read_back(run, tmp_path: Path) -> None:  # type: ignore[no
     code, out, _ = run("simulate", "--episodes", 2, "--seed", 5, "--out", tmp_path / "passes")
     assert code == 0
     assert "2 passes" in out
-    assert sorted(p.name for p in (tmp_path / "passes").iterdir()) == [
+    assert sorted(p.name for p in visible(tmp_path / "passes")) == [
         "pass-0",
         "pass-1",
         "simulation.yaml",
@@ -32,7 +33,7 @@ def test_simulate_episodes_of_a_part(run, tmp_path: Path) -> None:  # type: igno
     arguments = ("simulate", "--preset", "stress", "--episodes", 3, "--as", "episodes")
     code, _, err = run(*arguments, "--split", "test", "--out", out)
     assert (code, err) == (0, "")
-    assert sorted(p.name for p in out.iterdir()) == ["episodes-000000.parquet", "simulation.yaml"]
+    assert sorted(p.name for p in visible(out)) == ["episodes-000000.parquet", "simulation.yaml"]
     config = load_preset(out / "simulation.yaml")
     assert config.split == "test"
     for k, episode in enumerate(read_episodes(out)):
@@ -53,7 +54,7 @@ def test_episodes_of_a_killed_run_are_gone_on_with(  # type: ignore[no-untyped-d
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     assert run(*arguments, whole)[0] == 0
     killed.mkdir()
-    for name in ("simulation.yaml", "episodes-000000.parquet"):
+    for name in (".gaia-files", "simulation.yaml", "episodes-000000.parquet"):
         shutil.copy(whole / name, killed)
     kept = (killed / "episodes-000000.parquet").stat().st_mtime_ns
     code, text, _ = run(*arguments, killed)
@@ -62,7 +63,7 @@ def test_episodes_of_a_killed_run_are_gone_on_with(  # type: ignore[no-untyped-d
     assert "3 of them existed already" in text
     assert (killed / "episodes-000000.parquet").stat().st_mtime_ns == kept
     contents = [
-        {path.name: path.read_bytes() for path in folder.iterdir()} for folder in (whole, killed)
+        {path.name: path.read_bytes() for path in visible(folder)} for folder in (whole, killed)
     ]
     assert len(contents[0]) == 4
     assert contents[0] == contents[1]
@@ -73,7 +74,7 @@ def test_errors_of_logs_become_a_preset(run, tmp_path: Path) -> None:  # type: i
     assert (code, err) == (0, "")
     preset = tmp_path / "fit" / "calibrated.yaml"
     assert str(preset) in out
-    assert [path.name for path in (tmp_path / "fit").iterdir()] == ["calibrated.yaml"]
+    assert [path.name for path in visible(tmp_path / "fit")] == ["calibrated.yaml"]
     code, _, err = run("simulate", "--preset", preset, "--out", tmp_path / "pass")
     assert (code, err) == (0, "")
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from gaia_uwb._shared.errors import ConfigError, GaiaError
+from gaia_uwb._shared.files import visible
 from gaia_uwb.cli import app
 from tiny_models import SIZES
 
@@ -36,7 +37,7 @@ def test_train_writes_a_model_that_reconstructs(
 ) -> None:
     model = tmp_path / "model"
     run("train", "gaia", "--data", "sim:stress", "--out", model, "--recipe", recipe)
-    written = {path.name for path in model.iterdir()}
+    written = {path.name for path in visible(model)}
     assert written == {
         "model.json",
         "model.onnx",

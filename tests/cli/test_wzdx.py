@@ -12,6 +12,7 @@ import typer
 
 from factories import make_reconstruction
 from gaia_uwb._shared.errors import ConfigError, GaiaError
+from gaia_uwb._shared.files import visible
 from gaia_uwb.cli.wzdx import wzdx_app
 from gaia_uwb.logs.native import write_native
 from gaia_uwb.outputs.geojson import boundary_geojson
@@ -59,7 +60,7 @@ def test_results_become_feeds_that_are_valid(
     assert lines[0].startswith("WorkZoneFeed: $.features[0].geometry.coordinates: warning: ")
     assert "runs towards 90 degrees, but the direction is westbound" in lines[0]
     assert "a drive: 4 cones along 4 m" in lines
-    feeds = sorted((tmp_path / "out").iterdir())
+    feeds = sorted(visible(tmp_path / "out"))
     code, lines = run("validate", *feeds)
     assert code == 0
     assert lines[-1].endswith("work-zone-feed.geojson: valid, 1 warning")

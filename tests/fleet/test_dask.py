@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 
 import deadly_zones
 from gaia_uwb._shared.errors import ConfigError
+from gaia_uwb._shared.files import visible
 from gaia_uwb.cli.commands import app
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.fleet import dask as fleet_dask
@@ -254,7 +255,7 @@ def test_workers_see_logs_and_results(logs: Path, cluster: Cluster, tmp_path: Pa
     with seen_by_this_process_only(tmp_path) as unseen:
         said = problem_of(logs, unseen, cluster.address)
         assert f"cannot see the output folder: {unseen} must be on" in said
-    assert list(tmp_path.iterdir()) == []
+    assert list(visible(tmp_path)) == []
 
 
 def test_nobody_answers(logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

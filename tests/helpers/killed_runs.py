@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 
 
-def gaia(arguments: Sequence[object]) -> subprocess.Popen[bytes]:
-    """Start the command line."""
+def gaia(arguments: Sequence[object], stderr: int = subprocess.DEVNULL) -> subprocess.Popen[bytes]:
+    """Start the command line, and keep what it says on stderr if that is a pipe."""
     command = [sys.executable, "-m", "gaia_uwb", *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=stderr)
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
@@ -31,7 +31,9 @@ def files_of(folder: Path) -> dict[str, bytes]:
 
 
 def hidden_in(folder: Path) -> list[str]:
-    names = [str(path.relative_to(folder)) for path in folder.rglob("*")]
+    """Return what lies there under hidden names, but for the record of what is ours."""
+    paths = (path for path in folder.rglob("*") if path.name != ".gaia-files")
+    names = [str(path.relative_to(folder)) for path in paths]
     return sorted(filter(is_hidden, names))
 
 

@@ -14,6 +14,7 @@ import pytest
 
 from alike import assert_same
 from gaia_uwb._shared.errors import ConfigError, InputError, SourceError
+from gaia_uwb._shared.files import visible
 from gaia_uwb.episode import Episode
 from gaia_uwb.logs import episodes as module
 from gaia_uwb.logs.episodes import count_episodes, read_episodes, write_episodes
@@ -32,7 +33,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_episodes_come_back_in_order_and_equal(folder: Path) -> None:
-    assert sorted(path.name for path in folder.iterdir()) == [
+    assert sorted(path.name for path in visible(folder)) == [
         f"episodes-{k:06d}.parquet" for k in range(3)
     ]
     for one, other in zip(EPISODES, read_episodes(folder), strict=True):
@@ -45,7 +46,7 @@ def test_a_part_can_be_read_at_once_however_long_its_episodes_are(
     longest = max(episode.n_steps * episode.n_anchors for episode in EPISODES)
     monkeypatch.setattr(module, "MAX_ROWS", 2 * longest)
     assert list(write_episodes(EPISODES, tmp_path))[-1] == len(EPISODES)
-    parts = [len(pl.read_parquet(path)) for path in tmp_path.iterdir()]
+    parts = [len(pl.read_parquet(path)) for path in visible(tmp_path)]
     assert len(parts) > 1
     assert max(parts) <= 2 * longest
 
@@ -73,18 +74,17 @@ def test_a_missing_part_is_noticed(folder: Path) -> None:
 
 
 WRITE_HALF = """
-import sys, time
+import os, sys, time
 from pathlib import Path
-import polars as pl
 from gaia_uwb.logs.episodes import write_episodes
 from gaia_uwb.simulate import PRESETS, simulate_episodes
 
-def write_half(table, path, **options):
-    Path(path).write_bytes(b"PAR1")
-    print("half", flush=True)
-    time.sleep(60)
+def stand_still(number):
+    if "episodes-" in os.readlink(f"/proc/self/fd/{number}"):
+        print("half", flush=True)
+        time.sleep(60)
 
-pl.DataFrame.write_parquet = write_half
+os.fsync = stand_still
 next(write_episodes(simulate_episodes(PRESETS["wild"], 2, seed=0), Path(sys.argv[1])))
 """
 
@@ -98,9 +98,10 @@ def test_the_next_run_removes_what_a_killed_one_left(tmp_path: Path) -> None:
         assert run.stdout is not None
         assert run.stdout.readline() == b"half\n"
         run.kill()
-    assert len(list(tmp_path.iterdir())) == len(mine) + 1
+    assert len(list(tmp_path.iterdir())) == len(mine) + 2  # the record, and half a part
     assert list(write_episodes(EPISODES, tmp_path)) == [7]
-    assert set(tmp_path.iterdir()) == {*mine, tmp_path / "episodes-000000.parquet"}
+    record, part = tmp_path / ".gaia-files", tmp_path / "episodes-000000.parquet"
+    assert set(tmp_path.iterdir()) == {*mine, record, part}
 
 
 def test_a_folder_without_episodes_is_a_source_error(tmp_path: Path) -> None:

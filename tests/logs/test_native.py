@@ -3,14 +3,15 @@ from __future__ import annotations
 import dataclasses
 import os
 from pathlib import Path
-from typing import Any, Literal
+from typing import IO, Any, Literal
 
 import numpy as np
 import polars as pl
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
-from gaia_uwb._shared.errors import GaiaError, InputError, SourceError
+from gaia_uwb._shared.errors import ConfigError, GaiaError, InputError, SourceError
+from gaia_uwb._shared.files import visible
 from gaia_uwb.logs.native import is_native, read_native, read_with_notes, write_native
 from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory, Truth
 
@@ -112,7 +113,7 @@ def test_gives_back_what_was_written(
     scene, folder = make_scene(recipe), tmp_path / "scene"
     write_native(scene, folder, file_format)
     assert_equal(read_native(folder), scene)
-    assert [path.name for path in tmp_path.iterdir()] == ["scene"]
+    assert [path.name for path in visible(tmp_path)] == ["scene"]
 
 
 DRIVE = "t_s,east_m,north_m\n0,0,0\n1,10,1\n2,20,0\n"
@@ -306,34 +307,37 @@ def test_missing_tables_and_folders(tmp_path: Path) -> None:
 
 
 def test_writing_replaces_a_scene_and_keeps_other_files(tmp_path: Path) -> None:
-    folder = make_folder(tmp_path, notes_txt="mine")
-    scene = read_native(folder)
+    scene = read_native(make_folder(tmp_path))
+    folder = tmp_path / "ours"
+    write_native(scene, folder, "csv")
+    (folder / "notes.txt").write_text("mine", encoding="utf-8")
     write_native(scene, folder, "parquet")
     assert_equal(read_native(folder), scene)
     names = ["anchors.parquet", "notes.txt", "ranges.parquet", "scene.yaml", "trajectory.parquet"]
-    assert sorted(path.name for path in folder.iterdir()) == names
+    assert sorted(path.name for path in visible(folder)) == names
 
 
 def test_an_interruption_leaves_no_half_of_a_scene(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = read_native(make_folder(tmp_path))
+    write_native(scene, tmp_path / "old")
 
-    def interrupt(frame: pl.DataFrame, path: Path) -> None:
-        path.write_text("t_s,east_m")
+    def interrupt(frame: pl.DataFrame, file: IO[bytes]) -> None:
+        file.write(b"t_s,east_m")
         raise KeyboardInterrupt
 
     monkeypatch.setattr(pl.DataFrame, "write_csv", interrupt)
-    for folder in (tmp_path / "new", tmp_path / "drive"):
+    for folder in (tmp_path / "new", tmp_path / "old"):
         with pytest.raises(KeyboardInterrupt):
             write_native(scene, folder)
-    assert not list((tmp_path / "new").iterdir())
-    assert_equal(read_native(tmp_path / "drive"), scene)
+    assert not list(visible(tmp_path / "new"))
+    assert_equal(read_native(tmp_path / "old"), scene)
 
 
 def test_writing_where_it_cannot_be(tmp_path: Path) -> None:
     scene = read_native(make_folder(tmp_path))
-    with pytest.raises(SourceError, match="cannot be written: Not a directory"):
+    with pytest.raises(ConfigError, match="cannot write to this folder: File exists"):
         write_native(scene, tmp_path / "drive" / "ranges.csv")
 
 

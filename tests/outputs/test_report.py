@@ -13,6 +13,7 @@ import pytest
 
 from factories import SITE, SQUARE_M, make_fix, make_reconstruction, make_unlocated
 from gaia_uwb._shared.errors import ConfigError
+from gaia_uwb._shared.files import visible
 from gaia_uwb.config import AlignmentConfig, PipelineConfig, load_config
 from gaia_uwb.episode import ClockOffset
 from gaia_uwb.estimate import Reason, ReasonKind
@@ -21,10 +22,10 @@ from gaia_uwb.outputs.geojson import boundary_geojson
 from gaia_uwb.outputs.report import UNCERTAINTY_NOTE, make_report, write_all
 from gaia_uwb.reconstruction import ReconstructionStatus
 
-FILES = [
-    "anchors.csv", "boundary.geojson", "config.yaml", "map.html", "plot.png", "ranges.parquet",
+FILES = sorted([
+    "boundary.geojson", "clean-ranges.parquet", "cones.csv", "config.yaml", "map.html", "plot.png",
     "report.json", "report.md",
-]  # fmt: skip
+])  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +38,10 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 METRIC = Metric(name="anchor_mae", value=0.08, unit="m", n=4)
+
+
+def names_in(folder: Path) -> list[str]:
+    return [path.name for path in visible(folder)]
 
 
 def test_report_has_every_promised_key() -> None:
@@ -145,7 +150,7 @@ def test_note_names_the_error_of_the_frame_and_its_size() -> None:
 
 
 def test_writes_all_files_and_nothing_else(written: Path) -> None:
-    assert sorted(path.name for path in written.iterdir()) == FILES
+    assert names_in(written) == FILES
 
 
 def test_returns_the_paths_with_the_report_last(tmp_path: Path) -> None:
@@ -180,7 +185,7 @@ def test_geojson_on_disk(written: Path) -> None:
 
 
 def test_anchor_table(written: Path) -> None:
-    table = pl.read_csv(written / "anchors.csv")
+    table = pl.read_csv(written / "cones.csv")
     assert table.columns == [
         "anchor_id", "status", "east_m", "north_m", "lon", "lat", "covariance_ee_m2",
         "covariance_en_m2", "covariance_nn_m2", "mirror_probability", "side_is_open",
@@ -197,14 +202,14 @@ def test_anchor_table(written: Path) -> None:
 def test_anchor_table_keeps_awkward_ids(tmp_path: Path) -> None:
     ids = ('a,"b"', "line\nbreak", "Kegel-ä", "=1+1")
     write_all(make_reconstruction(anchor_ids=ids), tmp_path)
-    table = pl.read_csv(tmp_path / "anchors.csv")
+    table = pl.read_csv(tmp_path / "cones.csv")
     assert tuple(table["anchor_id"]) == ids
 
 
 def test_range_table_holds_every_range_once(written: Path) -> None:
     reconstruction = make_reconstruction()
     episode, denoised = reconstruction.episode, reconstruction.denoised
-    table = pl.read_parquet(written / "ranges.parquet")
+    table = pl.read_parquet(written / "clean-ranges.parquet")
     assert table.schema == {
         "pass": pl.String, "t_s": pl.Float64, "anchor_id": pl.String, "range_m": pl.Float64,
         "denoised_range_m": pl.Float64, "sigma_m": pl.Float64, "valid": pl.Boolean,
@@ -228,7 +233,7 @@ def test_range_that_only_one_side_knows_is_null_on_the_other(tmp_path: Path) -> 
         denoised, range_m=denoised.range_m * keep, sigma_m=denoised.sigma_m * keep, valid=valid
     )
     write_all(replace(reconstruction, denoised=fewer), tmp_path)
-    table = pl.read_parquet(tmp_path / "ranges.parquet").filter(~pl.col("valid"))
+    table = pl.read_parquet(tmp_path / "clean-ranges.parquet").filter(~pl.col("valid"))
     assert table["anchor_id"].to_list() == ["cone-1"]
     assert table["range_m"].null_count() == 0
     assert table["denoised_range_m"].to_list() == table["sigma_m"].to_list() == [None]
@@ -249,10 +254,30 @@ def test_folder_that_cannot_be_written(tmp_path: Path) -> None:
 
 
 def test_file_that_cannot_be_written(tmp_path: Path) -> None:
+    write_all(make_reconstruction(), tmp_path)
+    (tmp_path / "plot.png").unlink()
     (tmp_path / "plot.png").mkdir()
     with pytest.raises(ConfigError, match=r"plot\.png: cannot write this file"):
         write_all(make_reconstruction(), tmp_path)
     assert not (tmp_path / "report.json").exists()
+
+
+@pytest.mark.parametrize("theirs", ["cones.csv", "plot.svg", "report.json"])
+def test_nothing_is_written_where_somebody_elses_file_is_in_the_way(
+    tmp_path: Path, theirs: str
+) -> None:
+    (tmp_path / theirs).write_text("theirs")
+    with pytest.raises(ConfigError, match=f"{theirs}: was not written by gaia"):
+        write_all(make_reconstruction(), tmp_path, svg=True)
+    assert names_in(tmp_path) == [theirs]
+    assert (tmp_path / theirs).read_text() == "theirs"
+
+
+def test_no_results_go_into_the_folder_of_a_log(tmp_path: Path) -> None:
+    (tmp_path / "ranges.parquet").write_text("measured")
+    with pytest.raises(ConfigError, match=r"holds a log \(ranges\.parquet\)"):
+        write_all(make_reconstruction(), tmp_path)
+    assert names_in(tmp_path) == ["ranges.parquet"]
 
 
 def test_svg_is_written_where_it_is_asked_for_and_none_is_left_of_before(tmp_path: Path) -> None:
@@ -260,7 +285,7 @@ def test_svg_is_written_where_it_is_asked_for_and_none_is_left_of_before(tmp_pat
     assert sorted(path.name for path in paths) == sorted([*FILES, "plot.svg"])
     assert (tmp_path / "plot.svg").read_text(encoding="utf-8").startswith("<?xml")
     write_all(make_reconstruction(), tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == FILES
+    assert names_in(tmp_path) == FILES
 
 
 def test_files_for_a_gis_are_written_where_they_are_asked_for(tmp_path: Path) -> None:
@@ -268,7 +293,7 @@ def test_files_for_a_gis_are_written_where_they_are_asked_for(tmp_path: Path) ->
     assert {path.name for path in paths} - set(FILES) == {"boundary.gpkg", "boundary.kml"}
     # Without a place on Earth there is nothing to show on a globe, and none is left of before.
     write_all(make_reconstruction(frame=None), tmp_path, gis=True)
-    assert {path.name for path in tmp_path.iterdir()} - set(FILES) == {"boundary.gpkg"}
+    assert set(names_in(tmp_path)) - set(FILES) == {"boundary.gpkg"}
 
 
 def test_every_pass_is_in_the_report_and_the_files(tmp_path: Path) -> None:
@@ -286,7 +311,7 @@ def test_every_pass_is_in_the_report_and_the_files(tmp_path: Path) -> None:
     assert [each["n_ranges"] for each in report["passes"]] == [n, n]
     assert report["passes"][0]["range_calibration"]["bias_at_10_m_m"] == 0.1
     write_all(both, tmp_path)
-    table = pl.read_parquet(tmp_path / "ranges.parquet")
+    table = pl.read_parquet(tmp_path / "clean-ranges.parquet")
     assert table["pass"].value_counts().sort("pass").rows() == [
         ("a drive", n),
         ("another drive", n),

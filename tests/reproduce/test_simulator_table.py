@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gaia_uwb._shared.errors import InputError
-from gaia_uwb._shared.files import OutputFolder
+from gaia_uwb._shared.files import OutputFolder, visible
 from gaia_uwb.reproduce.plan import Plan
 from gaia_uwb.reproduce.simulator_table import (
     reproduce_table5,
@@ -38,7 +38,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, SimulatorCh
 
 def test_all_files_are_there(written: tuple[Path, SimulatorCheck]) -> None:
     folder, _ = written
-    assert {path.name for path in folder.iterdir()} == FILES
+    assert {path.name for path in visible(folder)} == FILES
 
 
 def test_results_hold_every_row_with_its_protocol(written: tuple[Path, SimulatorCheck]) -> None:

@@ -15,6 +15,7 @@ from hypothesis import given, settings, strategies as st
 
 from factories import make_fix, make_reason, make_reconstruction, make_unlocated
 from gaia_uwb._shared.errors import ConfigError, InputError
+from gaia_uwb._shared.files import visible
 from gaia_uwb.config import make_config
 from gaia_uwb.estimate import AnchorStatus, ReasonKind
 from gaia_uwb.projection import to_local
@@ -246,6 +247,6 @@ def test_files_are_written_and_replaced_whole(tmp_path: Path) -> None:
     first = [path.read_bytes() for path in paths]
     write_feeds(feeds, tmp_path / "out")
     assert [path.read_bytes() for path in paths] == first
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(
+    assert sorted(path.name for path in visible(tmp_path / "out")) == sorted(
         [WORK_ZONE_FILE, DEVICE_FILE]
     )

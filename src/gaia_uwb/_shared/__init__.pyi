@@ -34,6 +34,7 @@ from .figures import (
 from .files import (
     OutputFolder as OutputFolder,
     remove_abandoned as remove_abandoned,
+    replace_file as replace_file,
     temporary_path as temporary_path,
     visible as visible,
 )

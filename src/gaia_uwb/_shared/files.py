@@ -1,14 +1,18 @@
-"""Write result files so that nobody ever sees half of one.
+"""Write result files so that nobody ever sees half of one, and nobody else's file is lost.
 
 Each file is written under a hidden temporary name in the folder itself, flushed to the disk, and
 renamed: the name shows the old content or the whole new one, even if the program is killed or the
 power fails in between. A killed program leaves at most one hidden file, whose name says whose it is
 (``.gaia-<machine>-<process>-<random>-<name>``); the next run in that folder removes it.
 
+Only what we wrote is ever replaced or removed: before a name is written for the first time, it is
+added to the folder's record, ``.gaia-files``. A file that is not listed there belongs to somebody
+else, and its name is refused.
+
 >>> import tempfile
 >>> from gaia_uwb._shared import OutputFolder
 >>> with tempfile.TemporaryDirectory() as place:
-...     path = OutputFolder(Path(place) / "out").write_text("note.txt", "done")
+...     path = OutputFolder(Path(place) / "out").write("note.txt", "done")
 ...     path.name, path.read_text(encoding="utf-8")
 ('note.txt', 'done')
 """
@@ -22,8 +26,8 @@ import shutil
 import socket
 import time
 import zlib
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from gaia_uwb._shared.errors import ConfigError
@@ -31,6 +35,7 @@ from gaia_uwb._shared.errors import ConfigError
 _RUN = secrets.token_hex(4)  # a process may get the number of one that was killed
 _TEMPORARY = re.compile(r"\.gaia-([0-9a-f]{8})-([0-9]+)-([0-9a-f]{8})-.+", re.DOTALL)
 _ABANDONED_S = 86_400.0
+_RECORD = ".gaia-files"
 
 
 class OutputFolder:
@@ -47,6 +52,15 @@ class OutputFolder:
     ------
     ConfigError
         If the folder cannot be created or written to.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     _ = (Path(place) / "note.txt").write_text("theirs")
+    ...     OutputFolder(Path(place)).write("note.txt", "ours")
+    Traceback (most recent call last):
+    gaia_uwb.ConfigError: .../note.txt: was not written by gaia (see .gaia-files): ...
     """
 
     def __init__(self, path: Path) -> None:
@@ -60,72 +74,76 @@ class OutputFolder:
         except OSError as error:
             raise ConfigError(f"{path}: cannot write to this folder: {_reason(error)}") from error
 
-    def write_text(self, name: str, text: str) -> Path:
-        """Write ``text`` as UTF-8 and return the file's path.
-
-        Parameters
-        ----------
-        name
-            The file's name in the folder.
-        text
-            Its content; line ends are written as they are.
-
-        Raises
-        ------
-        ConfigError
-            If the file cannot be written; what was there before is left as it was.
-        """
-        # A file's name that is no UTF-8 comes with half a pair of surrogates for each odd byte.
-        return self.write_bytes(name, text.encode("utf-8", "backslashreplace"))
-
-    def write_bytes(self, name: str, content: bytes) -> Path:
-        """Write ``content`` and return the file's path.
+    def write(self, name: str, content: str | bytes) -> Path:
+        """Write a file and return its path.
 
         Parameters
         ----------
         name
             The file's name in the folder.
         content
-            Its content.
+            Its bytes, or its text, which is written as UTF-8 with line ends as they are.
 
         Raises
         ------
         ConfigError
-            If the file cannot be written; what was there before is left as it was.
+            If the file cannot be written, or if somebody else's file has this name; what was there
+            before is left as it was.
         """
-        return self.write(name, lambda temporary: temporary.write_bytes(content))
+        self.claim([name])
+        return replace_file(self.path / name, content)
 
-    def write(self, name: str, writer: Callable[[Path], object]) -> Path:
-        """Let ``writer`` write a file and return the file's path.
+    def claim(self, names: Iterable[str]) -> None:
+        """Put names on the folder's record, so that files of these names may be replaced.
 
         Parameters
         ----------
-        name
-            The file's name in the folder.
-        writer
-            Called once with the temporary path that it writes to; it ends like ``name``.
+        names
+            Of files that will be written. Claim them before long work, not after.
 
         Raises
         ------
         ConfigError
-            If the file cannot be written; what was there before is left as it was.
+            If there is a file of such a name that is not on the record, or the record cannot be
+            written.
         """
-        path = self.path / name
-        temporary = temporary_path(self.path, name)
+        ours = self.names()
+        new = [name for name in names if name not in ours]
+        for name in new:
+            path = self.path / name
+            if os.path.lexists(path):
+                problem = (
+                    f"was not written by gaia (see {_RECORD}): move it, or name another folder"
+                )
+                raise ConfigError(f"{path}: {problem}")
+        if not new:
+            return
+        self._record(new)
+
+    def _record(self, names: list[str]) -> None:
+        record = self.path / _RECORD
         try:
-            writer(temporary)
-            with temporary.open("rb") as written:
-                # Without this a power failure could keep the new name and lose the content.
-                os.fsync(written.fileno())
-            temporary.replace(path)
+            with record.open("a", encoding="utf-8") as file:
+                # A killed run may have left half a line: start on a new one.
+                file.write("\n" + "".join(f"{name}\n" for name in names))
+                file.flush()
+                os.fsync(file.fileno())
         except OSError as error:
-            raise ConfigError(f"{path}: cannot write this file: {_reason(error)}") from error
-        finally:
-            temporary.unlink(missing_ok=True)
-        return path
+            raise ConfigError(f"{record}: cannot write this file: {_reason(error)}") from error
+
+    def names(self) -> set[str]:
+        """Return the names on the folder's record: of files that we wrote, or were about to."""
+        try:
+            text = (self.path / _RECORD).read_text(encoding="utf-8", errors="replace")
+        except FileNotFoundError:
+            return set()
+        except OSError as error:
+            problem = f"cannot be read: {_reason(error)}"
+            raise ConfigError(f"{self.path / _RECORD}: {problem}") from error
+        return set(text.split("\n")) - {""}
 
     def remove(self, name: str) -> None:
-        """Remove a file of an earlier run, if it is there.
+        """Remove a file of an earlier run, if it is there; a file of somebody else's stays.
 
         Parameters
         ----------
@@ -137,11 +155,66 @@ class OutputFolder:
         ConfigError
             If the file cannot be removed.
         """
+        if name not in self.names():
+            return
         path = self.path / name
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise ConfigError(f"{path}: cannot remove this file: {_reason(error)}") from error
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Wait until no other program writes a set of files here, and keep others waiting.
+
+        So that of two runs into one folder the files of one stay, never some of each. Where the
+        file system knows no locks, nobody waits.
+        """
+        path = self.path / _RECORD
+        try:
+            record = path.open("a", encoding="utf-8")
+        except OSError as error:
+            raise ConfigError(f"{path}: cannot write this file: {_reason(error)}") from error
+        with record:
+            if os.name == "posix":
+                import fcntl
+
+                with suppress(OSError):
+                    fcntl.flock(record, fcntl.LOCK_EX)
+            yield
+
+
+def replace_file(path: Path, content: str | bytes) -> Path:
+    """Write a file that the user named, whatever was there, and return its path.
+
+    Parameters
+    ----------
+    path
+        The file.
+    content
+        Its bytes, or its text, which is written as UTF-8 with line ends as they are.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be written; what was there before is left as it was.
+    """
+    temporary = temporary_path(path.parent, path.name)
+    try:
+        with temporary.open("xb") as file:
+            # A file's name that is no UTF-8 comes with half a pair of surrogates for each odd byte.
+            file.write(
+                content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+            )
+            file.flush()
+            # Without this a power failure could keep the new name and lose the content.
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot write this file: {_reason(error)}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+    return path
 
 
 def visible(folder: Path) -> list[Path]:

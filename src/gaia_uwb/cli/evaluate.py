@@ -40,15 +40,16 @@ def evaluate(
     """Score denoisers on surveyed data; write results.json, episodes.csv and config.yaml."""
     import json
 
-    from gaia_uwb._shared import OutputFolder
     from gaia_uwb.api import load_scenes
     from gaia_uwb.config import dump_config
     from gaia_uwb.evaluate import episodes_csv, make_test, results_json, score_method
+    from gaia_uwb.logs import results_folder
 
     settings = make_settings(config, None, solver)
     names = _methods(methods)
     steps = _length(length)
-    folder = OutputFolder(out)
+    folder = results_folder(out, [source], data_dir=data_dir)
+    folder.claim(["config.yaml", "episodes.csv", "results.json"])
     scenes = load_scenes(source, data_dir=data_dir)
     with progress_bar() as progress:
         test = make_test(
@@ -67,9 +68,9 @@ def evaluate(
         "version": version(),
     }
     results = results_json(scores, test, protocol, seed=seed)
-    folder.write_text("config.yaml", dump_config(settings))
-    folder.write_text("episodes.csv", episodes_csv(scores, test))
-    path = folder.write_text("results.json", json.dumps(results, indent=2, allow_nan=False) + "\n")
+    folder.write("config.yaml", dump_config(settings))
+    folder.write("episodes.csv", episodes_csv(scores, test))
+    path = folder.write("results.json", json.dumps(results, indent=2, allow_nan=False) + "\n")
     print_results(results, path)
 
 

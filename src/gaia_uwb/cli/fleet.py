@@ -34,15 +34,17 @@ def fleet(
     config: ConfigOption = None,
 ) -> None:
     """Fuse the passes of many zones; run it again to resume after an interruption."""
-    from gaia_uwb._shared import ConfigError, OutputFolder
+    from gaia_uwb._shared import ConfigError
     from gaia_uwb.config import PipelineConfig, load_config
-    from gaia_uwb.fleet import find_zones, reconstruct_fleet, write_tables
+    from gaia_uwb.fleet import TABLES, find_zones, reconstruct_fleet, write_tables
+    from gaia_uwb.logs import results_folder
 
     if scheduler is not None and workers > 1:
         raise ConfigError("--workers cannot be combined with --scheduler")
     settings = PipelineConfig() if config is None else load_config(config)
     zones = find_zones(source, out)
-    OutputFolder(out)
+    logs = (log for zone in zones for log in zone.logs)
+    results_folder(out, [source, *logs]).claim(TABLES)
     results = []
     with progress_bar() as progress:
         task = progress.add_task("zones", total=len(zones))

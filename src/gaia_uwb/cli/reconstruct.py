@@ -69,15 +69,16 @@ def reconstruct(
     ] = False,
 ) -> None:
     """Locate the cones and draw the boundary, from the log of one drive or of several."""
-    from gaia_uwb._shared import InputError, OutputFolder
+    from gaia_uwb._shared import InputError
     from gaia_uwb.api import load_readable
     from gaia_uwb.evaluate import reconstruct_and_score
-    from gaia_uwb.outputs import write_all
+    from gaia_uwb.logs import results_folder
+    from gaia_uwb.outputs import RESULT_FILES, write_all
     from gaia_uwb.reconstruction import ReconstructionStatus
 
     settings = make_settings(config, denoiser, solver)
     settings = with_prior(settings, side, closure, spacing, known_anchor)
-    OutputFolder(out)
+    results_folder(out, sources, data_dir=data_dir)
     scenes, failures = [], []
     for source in sources:
         readable, unreadable = load_readable(source, data_dir=data_dir)
@@ -91,6 +92,8 @@ def reconstruct(
         else:
             folders = _folders(out, [scene.name for scene in scenes], several=n_logs > 1)
             runs = [([scene], folder) for scene, folder in zip(scenes, folders, strict=True)]
+        for _, folder in runs:
+            results_folder(folder, sources, data_dir=data_dir).claim(RESULT_FILES)
         for passes, folder in track(progress, runs, "reconstruct"):
             try:
                 result, metrics = reconstruct_and_score(passes, settings)

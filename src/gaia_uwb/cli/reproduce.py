@@ -182,12 +182,12 @@ def _workshop(
     data_dir: Path | None,
     change: Callable[[Plan], Plan] = lambda plan: plan,
 ) -> Workshop:
-    from gaia_uwb._shared import OutputFolder
     from gaia_uwb.api import load_scenes
+    from gaia_uwb.logs import results_folder
     from gaia_uwb.reproduce import OUTDOOR, QUICK, Plan, Workshop, n_cores
 
     return Workshop(
-        folder=OutputFolder(out),
+        folder=results_folder(out, [OUTDOOR], data_dir=data_dir),
         plan=change(QUICK if quick else Plan()),
         version=version(),
         load=lambda: load_scenes(OUTDOOR, data_dir=data_dir),
@@ -220,7 +220,7 @@ def _run(name: str, workshop: Workshop, *, torch: bool = True) -> None:
 
 
 def _write_page(workshop: Workshop, page: Path | None, prose: Path | None) -> None:
-    from gaia_uwb._shared import OutputFolder
+    from gaia_uwb._shared import replace_file
     from gaia_uwb.reproduce import FOLDER, page_images, read_results, results_page
 
     results = read_results(workshop)
@@ -230,12 +230,13 @@ def _write_page(workshop: Workshop, page: Path | None, prose: Path | None) -> No
         page = workshop.folder.path / "results.md"
     else:
         images = "images/results"
-        pictures = OutputFolder(page.parent / images)
+        (page.parent / images).mkdir(parents=True, exist_ok=True)
         for name in page_images(results):
-            pictures.write_bytes(f"{name}.png", (source / f"{name}.png").read_bytes())
+            content = (source / f"{name}.png").read_bytes()
+            replace_file(page.parent / images / f"{name}.png", content)
     text = prose or page.parent / "results-prose.md"
     words = text.read_text(encoding="utf-8") if text.is_file() else ""
-    OutputFolder(page.parent).write_text(page.name, results_page(results, words, images))
+    replace_file(page, results_page(results, words, images))
     typer.echo(f"wrote {page}")
 
 

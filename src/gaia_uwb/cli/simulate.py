@@ -84,14 +84,15 @@ def simulate(
     if calibrate_from is not None:
         _calibrate(calibrate_from, out, data_dir)
         return
-    from gaia_uwb._shared import OutputFolder
     from gaia_uwb.config import dump_config
+    from gaia_uwb.logs import results_folder
     from gaia_uwb.simulate import find_preset
 
     config = find_preset(preset)
     if split is not LayoutPart.ALL:
         config = config.model_copy(update={"split": split.value})
-    folder = OutputFolder(out)
+    folder = results_folder(out, for_log=True)
+    folder.claim([_SETTINGS])
     how = f"--episodes {episodes}" if lanes is None else f"--lanes={lanes}"
     header = f"# gaia {version()} simulate --preset {preset} {how} --seed {seed}"
     if lanes is None and written_as is SimulatedAs.EPISODES:
@@ -103,7 +104,7 @@ def simulate(
             episodes = _simulate_zone(config, lanes, seed, out, table_format)
         else:
             _simulate_logs(config, episodes, seed, out, table_format)
-        folder.write_text(_SETTINGS, f"{header}\n{dump_config(config)}")
+        folder.write(_SETTINGS, f"{header}\n{dump_config(config)}")
     note = f"; {already} of them existed already" if already else ""
     typer.echo(f"wrote {episodes} pass{'es' if episodes > 1 else ''} to {out}{note}")
 
@@ -159,7 +160,7 @@ def _simulate_episodes(
     already = count_episodes(folder.path)
     if already and _text_in(folder.path / _SETTINGS) != settings:
         raise SourceError(f"{folder.path}: already contains episodes from a different command")
-    folder.write_text(_SETTINGS, settings)
+    folder.write(_SETTINGS, settings)
     with progress_bar() as progress:
         task = progress.add_task("simulate", total=n, completed=already)
         made = simulate_episodes(config, n, seed, first=already, workers=workers)
@@ -178,12 +179,12 @@ def _text_in(path: Path) -> str | None:
 
 def _calibrate(source: str, out: Path, data_dir: Path | None) -> None:
     """Write the errors of surveyed logs as a preset file."""
-    from gaia_uwb._shared import OutputFolder
     from gaia_uwb.api import load_scenes
+    from gaia_uwb.logs import results_folder
     from gaia_uwb.simulate import fit_ranging, preset_text
 
-    folder = OutputFolder(out)
+    folder = results_folder(out, [source], data_dir=data_dir)
     scenes = load_scenes(source, data_dir=data_dir)
     text = preset_text(fit_ranging(scenes), scenes, version())
-    path = folder.write_text("calibrated.yaml", text)
+    path = folder.write("calibrated.yaml", text)
     typer.echo(f"wrote {path}; use it with: gaia simulate --preset {path}")

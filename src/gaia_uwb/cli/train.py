@@ -73,8 +73,8 @@ def train(
     data_dir: DataDirOption = None,
 ) -> None:
     """Train a network; run it again to resume."""
-    from gaia_uwb._shared import OutputFolder
     from gaia_uwb.learn import KINDS, load_recipe, make_recipe
+    from gaia_uwb.logs import results_folder
 
     require_torch()
     if network is Network.GAIA_SET:
@@ -88,7 +88,7 @@ def train(
     chosen = chosen.model_copy(update={"sets": sets_options})
     if recipe is not None:
         chosen = load_recipe(recipe, chosen)
-    folder = OutputFolder(out)
+    folder = results_folder(out, [data], data_dir=data_dir)
     sets = _window_sets(data, split, chosen, data_dir)
     task = WindowTask(chosen.network, chosen.training, version(), sets)
     with progress_bar() as progress:
@@ -100,8 +100,9 @@ def _train_zone(
     data: str, out: Path, seed: int, portions: int | None, strange: Sequence[str]
 ) -> None:
     """Train ``gaia-set``, which has one mixture of simulated scenes and no splits."""
-    from gaia_uwb._shared import ConfigError, OutputFolder
+    from gaia_uwb._shared import ConfigError
     from gaia_uwb.learn import ZoneTask, train_zone
+    from gaia_uwb.logs import results_folder
     from gaia_uwb.models import GaiaSetArchitecture, ZoneTrainingOptions
 
     if data != "sim:mixed" or strange:
@@ -110,7 +111,7 @@ def _train_zone(
     sizes = {"seed": seed} | ({} if portions is None else {"portions": portions})
     task = ZoneTask(GaiaSetArchitecture(), ZoneTrainingOptions.model_validate(sizes), version())
     with progress_bar() as progress:
-        found = train_zone(task, OutputFolder(out), progress=_watched(progress, "portions"))
+        found = train_zone(task, results_folder(out), progress=_watched(progress, "portions"))
     _tell(found, out)
 
 

@@ -78,7 +78,7 @@ def write(
     data_dir: DataDirOption = None,
 ) -> None:
     """Write a WorkZoneFeed and a DeviceFeed for one reconstructed work zone."""
-    from gaia_uwb._shared import OutputFolder
+    from gaia_uwb.logs import results_folder
     from gaia_uwb.wzdx import (
         OfficialSchemas,
         load_feed_config,
@@ -91,7 +91,7 @@ def write(
     settings = load_feed_config(config, changes)
     date = _date(update_date)
     official = None if schemas is None else OfficialSchemas(schemas)
-    OutputFolder(out)
+    results_folder(out, [source], data_dir=data_dir)
     zone = _zone(source, data_dir)
     feeds = make_feeds(zone, settings, date)
     found = {

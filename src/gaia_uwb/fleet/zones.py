@@ -39,6 +39,9 @@ loaded."""
 KILLED = "the process that worked on it was killed"
 """The problem of a zone that ends every process that works on it."""
 
+TABLES = ("zones.csv", "failures.csv")
+"""What is written beside the zones' folders."""
+
 _DONE = "fleet.json"
 _MOST_FILES = 10_000  # in a log's folder
 _MAX_MANIFEST_BYTES = 2**26
@@ -254,7 +257,7 @@ def reconstruct_zone(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> Zo
     except GaiaError as error:
         return ZoneResult.failed(zone, str(error))
     content = {"digest": digest, "result": asdict(result)}
-    OutputFolder(folder).write_text(_DONE, json.dumps(content, indent=1) + "\n")
+    OutputFolder(folder).write(_DONE, json.dumps(content, indent=1) + "\n")
     return result
 
 
@@ -350,8 +353,8 @@ def write_tables(results: Sequence[ZoneResult], out: Path) -> list[Path]:
     rows = [[getattr(result, column) for column in columns] for result in ordered]
     failed = [[f.zone, f.log, f.problem] for result in ordered for f in result.failures]
     return [
-        folder.write_text("zones.csv", _table(columns, rows)),
-        folder.write_text("failures.csv", _table(["zone", "log", "problem"], failed)),
+        folder.write(TABLES[0], _table(columns, rows)),
+        folder.write(TABLES[1], _table(["zone", "log", "problem"], failed)),
     ]
 
 

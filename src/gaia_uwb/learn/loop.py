@@ -23,7 +23,13 @@ import torch
 from torch import Tensor, nn
 
 from gaia_uwb._shared import Array, ConfigError, OutputFolder
-from gaia_uwb.learn.training_folder import Means, read_state, write_model, write_state
+from gaia_uwb.learn.training_folder import (
+    TRAINING_FILES,
+    Means,
+    read_state,
+    write_model,
+    write_state,
+)
 from gaia_uwb.models import Model
 
 _TORCH_SEED = 1_000_003  # a seed has its own numbers for as many steps
@@ -142,6 +148,7 @@ class Training(ABC, Generic[Model]):
         ConfigError
             If the loss grows beyond all numbers, or a file cannot be written.
         """
+        self.folder.claim(TRAINING_FILES)
         done = self.length if self._finished else len(self.log)
         for number in progress(range(done, self.length), self.task.network.kind, done):
             self._step(number)

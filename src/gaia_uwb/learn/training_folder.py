@@ -23,6 +23,9 @@ from gaia_uwb.models import CARD, DESCRIPTION, ONNX, WEIGHTS, Model, model_card,
 STATE = "training-state.safetensors"
 LOG = "training-log.jsonl"
 CURVES = "loss-curves.png"
+
+TRAINING_FILES = (STATE, LOG, CURVES, DESCRIPTION, ONNX, WEIGHTS, CARD)
+"""All that a training writes."""
 _FORMAT = 2  # of the state
 
 
@@ -99,7 +102,7 @@ def write_state(
         By names of their own.
     """
     # In this order: whoever is killed in between does the step again and writes the log anew.
-    folder.write_text(LOG, "".join(json.dumps(line) + "\n" for line in log))
+    folder.write(LOG, "".join(json.dumps(line) + "\n" for line in log))
     arrays = {
         f"weights.{part}.{name}": value.cpu().numpy()
         for part, tensors in weights.items()
@@ -113,7 +116,7 @@ def write_state(
             }
     note = json.dumps({"format": _FORMAT, "key": key, "log": log}).encode()
     arrays["note"] = np.frombuffer(note, dtype=np.uint8)
-    folder.write_bytes(STATE, pack(arrays))
+    folder.write(STATE, pack(arrays))
 
 
 def read_state(folder: OutputFolder, key: str) -> State | None:
@@ -182,9 +185,9 @@ def write_model(
     """
     packed = pack({name: value.cpu().numpy() for name, value in weights.items()})
     sealed = seal(description, {WEIGHTS: packed, ONNX: onnx})
-    folder.write_bytes(WEIGHTS, packed)
-    folder.write_bytes(ONNX, onnx)
-    folder.write_bytes(CURVES, figure_png(plot_losses(log, unit)))
-    folder.write_text(CARD, model_card(sealed))
-    folder.write_text(DESCRIPTION, sealed.model_dump_json(by_alias=True, indent=2) + "\n")
+    folder.write(WEIGHTS, packed)
+    folder.write(ONNX, onnx)
+    folder.write(CURVES, figure_png(plot_losses(log, unit)))
+    folder.write(CARD, model_card(sealed))
+    folder.write(DESCRIPTION, sealed.model_dump_json(by_alias=True, indent=2) + "\n")
     return sealed

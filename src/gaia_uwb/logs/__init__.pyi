@@ -17,4 +17,5 @@ from .native import (
     write_native as write_native,
 )
 from .outdoor_static import StaticFile as StaticFile, load_static as load_static
+from .places_for_results import log_files as log_files, results_folder as results_folder
 from .registry import REGISTRY as REGISTRY, Dataset as Dataset, import_function as import_function

@@ -35,6 +35,9 @@ from gaia_uwb.scene import LocalFrame, Scene, Trajectory
 ROS_FILES = (".bag", ".mcap")
 """Endings of ROS logs that are one file."""
 
+BAG_ENDINGS = (*ROS_FILES, ".bag.active", ".db3", ".db3-wal")
+"""Endings of files with recorded messages, whole logs or parts of one."""
+
 
 def is_described(path: Path) -> bool:
     """Tell whether a path is a log that :func:`read_described` reads."""

@@ -22,8 +22,8 @@ together, step by step and in a step anchor by anchor:
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable, Iterator
-from functools import partial
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -95,8 +95,9 @@ def write_episodes(
     done = 0
     for part, batch in enumerate(_batches(episodes), start=len(parts)):
         table = pl.DataFrame(_table(batch), nan_to_null=True)
-        write = partial(table.write_parquet, compression_level=_COMPRESSION)
-        output.write(_part_name(part), write)
+        content = io.BytesIO()
+        table.write_parquet(content, compression_level=_COMPRESSION)
+        output.write(_part_name(part), content.getvalue())
         done += len(batch)
         yield done
 

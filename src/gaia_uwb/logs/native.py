@@ -22,6 +22,7 @@ that goes back in time is an error. Columns that are not named above are ignored
 
 from __future__ import annotations
 
+import io
 import os
 import shutil
 from collections.abc import Iterator, Mapping
@@ -33,11 +34,13 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from gaia_uwb._shared import (
+    ConfigError,
     InputError,
+    OutputFolder,
     SourceError,
     counted,
     read_yaml,
-    remove_abandoned,
+    replace_file,
     temporary_path,
 )
 from gaia_uwb.config import LONGEST_NAME, Settings, settings_problems
@@ -51,7 +54,9 @@ from gaia_uwb.scene import LocalFrame, Scene, Trajectory
 _SCENE_FILE = "scene.yaml"
 _TABLES = ("trajectory", "ranges", "anchors")
 _SUFFIXES = (".csv", ".parquet")
-_OUR_FILES = (*(table + suffix for table in _TABLES for suffix in _SUFFIXES), _SCENE_FILE)
+
+LOG_FILES = (*(table + suffix for table in _TABLES for suffix in _SUFFIXES), _SCENE_FILE)
+"""Every name that a file of a log in this format can have."""
 _TRUTH = {
     "true_range_m": Kind.OPTIONAL,
     "nlos": Kind.FLAG,
@@ -144,8 +149,8 @@ def write_native(
     """Write a scene in GAIA's own format; :func:`read_native` gives back an equal one.
 
     All files are written under temporary names and then renamed, the trajectory last: a folder
-    without one is not a scene, so an interruption never leaves half of one. Other files in the
-    folder stay; a scene that it holds already is replaced.
+    without one is not a scene, so an interruption never leaves half of one. A scene that this
+    function wrote there before is replaced; other files stay.
 
     Parameters
     ----------
@@ -158,8 +163,8 @@ def write_native(
 
     Raises
     ------
-    SourceError
-        If the folder cannot be written.
+    ConfigError
+        If the folder cannot be written, or holds files of a log that somebody else wrote.
 
     Examples
     --------
@@ -174,19 +179,21 @@ def write_native(
     0.2,cone-1,12.5
     """
     folder = Path(folder)
+    output = OutputFolder(folder)
+    output.claim(LOG_FILES)
     new = temporary_path(folder, "scene")
     try:
-        new.mkdir(parents=True)
-        remove_abandoned(folder)
-        (new / _SCENE_FILE).write_text(_scene_file(scene), encoding="utf-8")
+        new.mkdir()
+        replace_file(new / _SCENE_FILE, _scene_file(scene))
         for table, columns in _tables(scene).items():
-            _write_table(columns, new / f"{table}.{file_format}")
-        for name in _OUR_FILES:  # the trajectory goes first and comes last
-            (folder / name).unlink(missing_ok=True)
-        for path in sorted(new.iterdir()):
-            path.rename(folder / path.name)
+            replace_file(new / f"{table}.{file_format}", _table_bytes(columns, file_format))
+        with output.alone():
+            for name in LOG_FILES:  # the trajectory goes first and comes last
+                output.remove(name)
+            for path in sorted(new.iterdir()):
+                path.rename(folder / path.name)
     except OSError as error:
-        raise SourceError(f"{folder}: cannot be written: {error.strerror or error}") from error
+        raise ConfigError(f"{folder}: cannot be written: {error.strerror or error}") from error
     finally:
         shutil.rmtree(new, ignore_errors=True)
 
@@ -269,14 +276,16 @@ def _notes(scene: Scene, drive: Table, ranges: Table, anchors: Anchors) -> Itera
 # Writing -----------------------------------------------------------------------------------------
 
 
-def _write_table(columns: Mapping[str, Any], path: Path) -> None:
+def _table_bytes(columns: Mapping[str, Any], file_format: str) -> bytes:
+    """Return a table as a file's content: what writes it to the disk then fails as files do."""
     import polars as pl
 
-    frame = pl.DataFrame(columns, nan_to_null=True)
-    if path.suffix == ".csv":
-        frame.write_csv(path)
+    frame, content = pl.DataFrame(columns, nan_to_null=True), io.BytesIO()
+    if file_format == "csv":
+        frame.write_csv(content)
     else:
-        frame.write_parquet(path)
+        frame.write_parquet(content)
+    return content.getvalue()
 
 
 def _tables(scene: Scene) -> dict[str, dict[str, Any]]:

@@ -5,4 +5,4 @@ from .geojson import (
     lon_lat as lon_lat,
 )
 from .interactive_map import map_page as map_page
-from .report import make_report as make_report, write_all as write_all
+from .report import RESULT_FILES as RESULT_FILES, make_report as make_report, write_all as write_all

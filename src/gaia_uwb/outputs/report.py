@@ -1,26 +1,26 @@
 """Everything that a reconstruction writes.
 
-===================  ========================================================================
-file                 what it contains
-===================  ========================================================================
-``anchors.csv``      one row per anchor: position, uncertainty, status
-``ranges.parquet``   one row per pass, step and anchor with a range: before and after denoising
-``boundary.geojson`` boundary, cones and ellipses for a GIS (``geojson.py``)
-``boundary.gpkg``    the same as layers of a GeoPackage; only on request
-``boundary.kml``     the same for a globe; only on request and with a geographic reference
-``plot.png``         the site from above and the ranges over time (``picture.py``)
-``plot.svg``         the same to scale and to edit; only on request
-``map.html``         an interactive map that needs no network (``interactive_map.py``)
-``report.md``        the result in plain words: confidence, limitations (``plain_words.py``)
-``config.yaml``      every setting, read back by ``gaia reconstruct --config``
-``report.json``      the result for programs; written last, so if it is new, all files are
-===================  ========================================================================
+========================  ==========================================================================
+file                      what it contains
+========================  ==========================================================================
+``cones.csv``             one row per anchor: position, uncertainty, status
+``clean-ranges.parquet``  one row per pass, step and anchor with a range: before and after denoising
+``boundary.geojson``      boundary, cones and ellipses for a GIS (``geojson.py``)
+``boundary.gpkg``         the same as layers of a GeoPackage; only on request
+``boundary.kml``          the same for a globe; only on request and with a geographic reference
+``plot.png``              the site from above and the ranges over time (``picture.py``)
+``plot.svg``              the same to scale and to edit; only on request
+``map.html``              an interactive map that needs no network (``interactive_map.py``)
+``report.md``             the result in plain words: confidence, limitations (``plain_words.py``)
+``config.yaml``           every setting, read back by ``gaia reconstruct --config``
+``report.json``           the result for programs; written last, so if it is new, all files are
+========================  ==========================================================================
 
-The two tables are written from the result itself; everything else is made before any file is
-written. In ``ranges.parquet``, ``range_m`` is the measured range on the trajectory's timeline, less
-the radios' common bias (``range_calibration`` in the report), and ``denoised_range_m`` with
-``sigma_m`` is what the denoiser made of it. A value that is not usable is null; ``valid`` says
-whether the denoised one is usable.
+No input has one of these names, and everything is made before any file is written. In
+``clean-ranges.parquet``, ``range_m`` is the measured range on the trajectory's timeline, less the
+radios' common bias (``range_calibration`` in the report), and ``denoised_range_m`` with ``sigma_m``
+is what the denoiser made of it. A value that is not usable is null; ``valid`` says whether the
+denoised one is usable.
 """
 
 from __future__ import annotations
@@ -33,22 +33,36 @@ from pathlib import Path
 
 import numpy as np
 
-from gaia_uwb._shared import OutputFolder, figure_png, figure_svg
+from gaia_uwb._shared import figure_png, figure_svg
 from gaia_uwb.config import dump_config
 from gaia_uwb.episode import Episode, RangeCalibration
 from gaia_uwb.estimate import AnchorFix, Reason
 from gaia_uwb.evaluate import Metric
+from gaia_uwb.logs import results_folder
 from gaia_uwb.outputs.geojson import Json, boundary_geojson, lon_lat
 from gaia_uwb.outputs.geopackage import geopackage
 from gaia_uwb.outputs.interactive_map import map_page
 from gaia_uwb.outputs.kml import kml
 from gaia_uwb.outputs.picture import plot_reconstruction
 from gaia_uwb.outputs.plain_words import people_report
-from gaia_uwb.outputs.tables import other_place, write_anchors, write_ranges
+from gaia_uwb.outputs.tables import clean_ranges_parquet, cones_csv, other_place
 from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.zone import BoundaryUncertainty
 
 SCHEMA = 2
+REPORT = "report.json"
+
+RESULT_FILES = (
+    "cones.csv",
+    "clean-ranges.parquet",
+    "boundary.geojson",
+    "plot.png",
+    "map.html",
+    "config.yaml",
+    "report.md",
+    REPORT,
+)
+"""What every reconstruction writes."""
 
 UNCERTAINTY_NOTE = (
     "covariance_m2 is the covariance of (east, north) of an anchor in the trajectory's own frame, "
@@ -132,9 +146,9 @@ def write_all(
     reconstruction
         What to write.
     folder
-        Created if missing. Files of an earlier run are replaced one by one, each as a whole; the
-        old ``report.json`` is removed first and the new one written last, so that where there is a
-        report, all files belong to it.
+        Created if missing. Files of an earlier run are replaced one by one, each as a whole, and
+        nobody else's are. The old ``report.json`` is removed first and the new one written last, so
+        that where there is a report, all files belong to it.
     metrics
         Scores against a known truth, by name.
     svg
@@ -145,9 +159,10 @@ def write_all(
     Raises
     ------
     ConfigError
-        If the folder or a file in it cannot be written.
+        If the folder holds a log, a file in it has the name of a result and was not written by
+        gaia, or something cannot be written.
     """
-    output = OutputFolder(Path(folder))
+    output = results_folder(Path(folder))
     report = make_report(reconstruction, metrics)
     page = map_page(reconstruction, boundary_geojson(reconstruction, local=True), report)
     figure = plot_reconstruction(reconstruction)
@@ -155,28 +170,25 @@ def write_all(
     if svg:
         plots["plot.svg"] = figure_svg(figure).encode()
     collection = boundary_geojson(reconstruction)
-    features = json.dumps(collection, ensure_ascii=False, allow_nan=False)
     optional = {"boundary.gpkg": geopackage(collection)} if gis else {}
     if gis and reconstruction.episode.frame is not None:
         optional["boundary.kml"] = kml(collection).encode()
-    settings = f"# gaia-uwb {report['version']}\n{dump_config(reconstruction.config)}"
-    words = people_report(reconstruction)
-    output.remove("report.json")
-    for name in ("plot.svg", "boundary.gpkg", "boundary.kml"):
-        output.remove(name)  # of an earlier run that was asked for it
-    return [
-        output.write("anchors.csv", lambda path: write_anchors(reconstruction, path)),
-        output.write("ranges.parquet", lambda path: write_ranges(reconstruction, path)),
-        output.write_text("boundary.geojson", features),
-        *(output.write_bytes(name, content) for name, content in optional.items()),
-        *(output.write_bytes(name, content) for name, content in plots.items()),
-        output.write_text("map.html", page),
-        output.write_text("config.yaml", settings),
-        output.write_text("report.md", words),
-        output.write_text(
-            "report.json", json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-        ),
-    ]
+    files: dict[str, str | bytes] = {
+        "cones.csv": cones_csv(reconstruction),
+        "clean-ranges.parquet": clean_ranges_parquet(reconstruction),
+        "boundary.geojson": json.dumps(collection, ensure_ascii=False, allow_nan=False),
+        **optional,
+        **plots,
+        "map.html": page,
+        "config.yaml": f"# gaia-uwb {report['version']}\n{dump_config(reconstruction.config)}",
+        "report.md": people_report(reconstruction),
+        REPORT: json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+    }
+    output.claim(files)
+    with output.alone():
+        for name in (REPORT, "plot.svg", "boundary.gpkg", "boundary.kml"):
+            output.remove(name)  # of an earlier run, which may have been asked for more
+        return [output.write(name, content) for name, content in files.items()]
 
 
 def _reason(reason: Reason) -> Json:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import io
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,15 +25,13 @@ def other_place(anchor: AnchorFix) -> tuple[Float64[Array, "2"], Float64[Array, 
     return np.full(2, np.nan), np.full((2, 2), np.nan)
 
 
-def write_anchors(reconstruction: Reconstruction, path: Path) -> None:
-    """Write one row per anchor as CSV: position, uncertainty, status.
+def cones_csv(reconstruction: Reconstruction) -> bytes:
+    """Return one row per anchor as CSV: position, uncertainty, status.
 
     Parameters
     ----------
     reconstruction
         What to write.
-    path
-        The file.
     """
     import polars as pl
 
@@ -66,23 +64,25 @@ def write_anchors(reconstruction: Reconstruction, path: Path) -> None:
             "range_bias_m": [float(anchor.range_bias_m) for anchor in anchors],
         }
     )
-    table.with_columns(pl.col(pl.Float64).fill_nan(None)).write_csv(path)
+    content = io.BytesIO()
+    table.with_columns(pl.col(pl.Float64).fill_nan(None)).write_csv(content)
+    return content.getvalue()
 
 
-def write_ranges(reconstruction: Reconstruction, path: Path) -> None:
-    """Write one row per pass, step and anchor with a range as Parquet.
+def clean_ranges_parquet(reconstruction: Reconstruction) -> bytes:
+    """Return one row per pass, step and anchor with a range as Parquet.
 
     Parameters
     ----------
     reconstruction
         What to write.
-    path
-        The file.
     """
     import polars as pl
 
     table = pl.concat([_ranges(*each) for each in reconstruction.passes])
-    table.with_columns(pl.col(pl.Float64).fill_nan(None)).write_parquet(path)
+    content = io.BytesIO()
+    table.with_columns(pl.col(pl.Float64).fill_nan(None)).write_parquet(content)
+    return content.getvalue()
 
 
 def _ranges(episode: Episode, denoised: DenoisedRanges) -> pl.DataFrame:

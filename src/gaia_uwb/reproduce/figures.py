@@ -106,7 +106,7 @@ def draw_figures(
     note = QUICK_MARK if workshop.plan.quick else ""
     for name, figure, _ in figures:
         for kind, content in figure_files(figure, note=note).items():
-            folder.write_bytes(f"{name}.{kind}", content)
+            folder.write(f"{name}.{kind}", content)
     return {name: text for name, _, text in figures}
 
 

@@ -291,8 +291,8 @@ def _part_key(workshop: Workshop) -> str:
 
 def _write_results(workshop: Workshop, results: dict[str, Any]) -> None:
     text = json.dumps(results, indent=1, allow_nan=False) + "\n"
-    workshop.folder.write_text(RESULTS, text)
+    workshop.folder.write(RESULTS, text)
 
 
 def _write(workshop: Workshop, name: str, text: str) -> None:
-    workshop.folder.write_text(name, marked(name, text, workshop.plan))
+    workshop.folder.write(name, marked(name, text, workshop.plan))

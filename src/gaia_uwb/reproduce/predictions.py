@@ -145,7 +145,7 @@ def cached_predictions(
     start = time.perf_counter()
     denoised, anchors = _reconstruct(episodes, pieces, solvers)
     content = _pack(denoised, anchors, key, time.perf_counter() - start)
-    folder.write_bytes(path.name, content)
+    folder.write(path.name, content)
     read = _read(path, key, episodes)
     if read is None:
         raise RuntimeError(f"{path}: cannot read what was just written")

@@ -103,7 +103,7 @@ def reproduce_table5(
         "simulator-check.md": check_markdown(check, plan),
     }
     for name, text in texts.items():
-        folder.write_text(name, marked(name, text, plan))
+        folder.write(name, marked(name, text, plan))
     tracks = {
         method: [track for run in runs.values() for track in run]
         for method, runs in check.corrected_runs.items()
@@ -118,7 +118,7 @@ def reproduce_table5(
     for name, figure in figures.items():
         files = figure_files(figure, note=QUICK_MARK if plan.quick else "")
         for kind, content in files.items():
-            folder.write_bytes(f"simulator-check-{name}.{kind}", content)
+            folder.write(f"simulator-check-{name}.{kind}", content)
     return check
 
 

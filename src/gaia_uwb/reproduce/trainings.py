@@ -209,7 +209,7 @@ def train_model(training: Training) -> bool:
 
     def write(*, done: bool) -> None:
         note.update(seconds=round(before_s + time.monotonic() - start, 1), done=done)
-        folder.write_text(STAMP, json.dumps(note, indent=2) + "\n")
+        folder.write(STAMP, json.dumps(note, indent=2) + "\n")
 
     def noted(epochs: Iterable[int], name: str, n_done: int) -> Iterator[int]:
         del name, n_done

@@ -104,7 +104,7 @@ def write_feeds(feeds: Feeds, folder: Path) -> list[Path]:
     """
     output = OutputFolder(folder)
     return [
-        output.write_text(name, feed_text(feed))
+        output.write(name, feed_text(feed))
         for name, feed in ((WORK_ZONE_FILE, feeds.work_zone), (DEVICE_FILE, feeds.device))
     ]
 
