@@ -2,8 +2,8 @@
 
 Usage: nice python tests/endurance/killed_commands.py [--n 100]
 
-The commands are ``gaia reconstruct``, ``gaia wzdx write``, ``gaia simulate`` and, where
-GAIA_DATA_DIR names a folder with the outdoor data set to fetch from, ``gaia data fetch``. Each run
+The commands are those of ``tests/helpers/output_commands.py`` and, where GAIA_DATA_DIR names a
+folder with the outdoor data set to fetch from, ``gaia data fetch``. Each run
 goes into a folder with the results of another run, and is killed (SIGKILL) at a random moment of
 its whole time or, mostly, of its writing. Whatever lies under a final name must then be the old
 file or the new one, byte for byte. Every tenth time the command runs again over what was left: all
@@ -22,32 +22,7 @@ from pathlib import Path
 from typing import Any
 
 
-def commands(folder: Path) -> dict[str, tuple[Any, list[object]]]:
-    """Return command -> (its arguments for an output folder, those of the run before it)."""
-    config = folder / "feed.yaml"
-    config.write_text(import_module("wzdx_cases").FEED_YAML, encoding="utf-8")
-    date = ["--update-date", "2026-11-22T10:00:00Z"]
-    feed = ["wzdx", "write", folder / "results", "--config", config]
-    log = ["reconstruct", "sim:lane-closure/3"]
-    passes = ["simulate", "--preset", "straight", "--episodes", "10", "--format", "csv"]
-    return {
-        "reconstruct": (
-            lambda out: [*log, "--out", out],
-            [*log, "--denoiser", "raw", "--out", folder / "old-reconstruct"],
-        ),
-        "wzdx write": (
-            lambda out: [*feed, *date, "--out", out],
-            [*feed, "--update-date", "2026-11-22T09:30:00Z", "--out", folder / "old-wzdx write"],
-        ),
-        "simulate": (
-            lambda out: [*passes, "--seed", "1", "--out", out],
-            [*passes, "--out", folder / "old-simulate"],
-        ),
-        **_fetch(folder),
-    }
-
-
-def _fetch(folder: Path) -> dict[str, tuple[Any, list[object]]]:
+def fetching(folder: Path) -> dict[str, Any]:
     """Return the command that completes a data set of which some files are there."""
     mirror = Path(os.environ.get("GAIA_DATA_DIR", "")) / "outdoor-uwb"
     if not mirror.is_dir():
@@ -55,12 +30,11 @@ def _fetch(folder: Path) -> dict[str, tuple[Any, list[object]]]:
     there = Path("Dynamic_measurements") / "LOS"
     shutil.copytree(mirror / there, folder / "part" / there)
     fetch = ["data", "fetch", "outdoor-uwb", "--base-url"]
-    return {
-        "data fetch": (
-            lambda out: [*fetch, mirror, "--data-dir", out],
-            [*fetch, folder / "part", "--data-dir", folder / "old-data fetch"],
-        )
-    }
+    command = import_module("output_commands").OutputCommand(
+        lambda out: [*fetch, mirror, "--data-dir", out],
+        lambda out: [*fetch, folder / "part", "--data-dir", out],
+    )
+    return {"data fetch": command}
 
 
 def main() -> None:
@@ -73,23 +47,28 @@ def main() -> None:
     import numpy as np
 
     rng = np.random.default_rng(20261122)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
         helper.gaia(["reconstruct", "sim:lane-closure/3", "--out", folder / "results"]).wait()
-        for command, (arguments_for, before) in commands(folder).items():
-            helper.gaia(before).wait()
-            place = folder / command
+        outputs = import_module("output_commands")
+        commands = outputs.output_commands(folder, folder / "results") | fetching(folder)
+        print("| command | killed | before a file changed | while writing | too late | ", end="")
+        print("left a temporary file | half files | later runs whole and tidy |")
+        print("|---|---|---|---|---|---|---|---|")
+        for name, command in commands.items():
+            place, old = folder / name, folder / f"old {name}"
             place.mkdir()
-            runs = helper.KilledRuns(arguments_for, folder / f"old-{command}", place)
+            helper.gaia(command.before(old)).wait()
+            runs = helper.KilledRuns(command.now, old, place)
             for k in range(n):
                 runs.kill_once(rng)
                 if k % 10 == 9:
                     runs.check_the_next_run()
+            writing = n - runs.n_before_writing - runs.n_done
             print(
-                f"{command:12} killed {n} times: {runs.n_before_writing} before a file changed, "
-                f"{n - runs.n_before_writing - runs.n_done} while writing, {runs.n_done} killed "
-                f"too late; {runs.n_litter} left a temporary file; no half-written file, "
-                f"{n // 10} later runs whole and tidy"
+                f"| `{name}` | {n} | {runs.n_before_writing} | {writing} | {runs.n_done} "
+                f"| {runs.n_litter} | 0 | {n // 10} |",
+                flush=True,
             )
 
 
