@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,42 @@ def gga(t: int) -> str:
     return f"${body}*{checksum:02X}\n"
 
 
+def zda() -> str:
+    return "$GPZDA,115959.00,03,03,2026,00,00*60\n"
+
+
+def clock(t: int) -> str:
+    return f"12:00:{t // 2:02d}.{t % 2 * 5}00"
+
+
+def trek1000(t: int, a_cm: int, b_cm: int) -> str:
+    ranges = f"{10 * a_cm:08x} {10 * b_cm:08x} 00000000 00000000"
+    each = f"0f {ranges} {t:04x} {t:02x} 00a0642b a0:0"
+    return "".join(f"Mar 03 {clock(t)} m{kind} {each}\n" for kind in "rc")
+
+
+def mauwb(t: int, a_cm: int, b_cm: int) -> str:
+    ranges = f"range:({a_cm},{b_cm},0,0),rssi:(-70.00,-80.50,0.00,0.00),ancid:(5,7,-1,-1)"
+    return f"[2026-03-03 {clock(t)}] AT+RANGE=tid:1,mask:03,seq:{t},{ranges}\n"
+
+
+def dwm3001(t: int, a_cm: int, b_cm: int) -> str:
+    return (
+        f"{clock(t)} -> SESSION_INFO_NTF: {{session_handle=1, sequence_number={t}, "
+        f"block_index={t}, n_measurements=2\n"
+        f' [mac_address=0x0001, status="SUCCESS", distance[cm]={a_cm}, RSSI[dBm]=-71.5];\n'
+        f' [mac_address=0x0002, status="SUCCESS", distance[cm]={b_cm}]}}\n'
+    )
+
+
+DEVICES: dict[str, Callable[[int, int, int], str]] = {
+    "trek1000": trek1000,
+    "mauwb": mauwb,
+    "dwm3001": dwm3001,
+}
+"""Device -> the lines of half a second, from its number and the ranges to two anchors in cm."""
+
+
 def write_serial(folder: Path) -> Path:
     """Write DWM1001 logs of both kinds, an NMEA log and their description."""
     (folder / "drive.nmea").write_text("".join(map(gga, range(40))), encoding="utf-8")
@@ -36,6 +73,22 @@ def write_serial(folder: Path) -> Path:
     description = {
         "trajectory": {"file": "drive.nmea", "format": "nmea"},
         "ranges": [{"file": f"{kind}.log", "format": "dwm1001"} for kind in ("lec", "les")],
+    }
+    (folder / "gaia.yaml").write_text(yaml.safe_dump(description), encoding="utf-8")
+    return folder
+
+
+def write_device(folder: Path, name: str) -> Path:
+    """Write a serial log of one device, with stamps of one kind each, an NMEA log and a description.
+
+    Its anchors are named by their places or by two ids, and heard at 2 Hz.
+    """
+    (folder / "drive.nmea").write_text(zda() + "".join(map(gga, range(40))), encoding="utf-8")
+    lines = "".join(DEVICES[name](t, 500 + 100 * t, 900 + 100 * t) for t in range(80))
+    (folder / "tag.log").write_text(lines, encoding="utf-8")
+    description = {
+        "trajectory": {"file": "drive.nmea", "format": "nmea"},
+        "ranges": [{"file": "tag.log", "format": name}],
     }
     (folder / "gaia.yaml").write_text(yaml.safe_dump(description), encoding="utf-8")
     return folder
@@ -146,6 +199,7 @@ LOGS: dict[str, Callable[[Path], Path]] = {
     "folder-mcap-zstd": _ros("folder-mcap", _MESSAGES),
     "folder-sqlite3-zstd": _ros("folder-sqlite3", _MESSAGES),
     "serial": write_serial,
+    **{f"serial-{name}": partial(write_device, name=name) for name in DEVICES},
     "tables": write_tables,
     "tables-parquet": lambda folder: write_tables(folder, ".parquet"),
     "own": write_own,

@@ -1,14 +1,24 @@
-"""The host's time at the start of a logged line: seconds, an ISO date and time, or a time of day.
+"""The host's time before a logged line: in all forms that terminals and loggers write.
+
+========================================  =====================================================
+seconds (or ms, us, ns) since 1970        ``1767225600.25``, ``ts %.s``
+ISO date and time                         ``[2026-01-01 09:00:00.250]`` (Tera Term, minicom)
+date with the year first or last          ``2026/01/01 09:00:00``, ``01.01.2026 09:00:00``
+month's name, with or without the year    ``Jan 01 09:00:00`` (``ts``), ``Thu Jan 01 09:00:00 2026``
+time of day                               ``09:00:00.250 ->`` (Arduino)
+========================================  =====================================================
 
 >>> stamps = Stamps()
->>> stamps.split("1767225600.25 DIST,1")
-(1767225600.25, 'DIST,1')
->>> stamps.split("[2026-01-01 00:00:00.250] DIST,1")
-(1767225600.25, 'DIST,1')
+>>> stamps.read("1767225600.25 ")
+1767225600.25
+>>> stamps.read("[2026-01-01 00:00:00.250] -> ")
+1767225600.25
+>>> stamps.read("yesterday ")
 """
 
 from __future__ import annotations
 
+import calendar
 import datetime as dt
 import re
 from typing import Literal
@@ -21,10 +31,17 @@ DAY_S = 86_400.0
 
 _NUMBER = r"\d{1,20}(?:\.\d{1,12})?"
 _ISO = r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d{1,9})?(?:Z|[+-]\d\d:?\d\d)?"
-_TIME = r"\d\d:\d\d:\d\d(?:[.,]\d{1,9})?"
+_TIME = r"\d\d?:\d\d:\d\d(?:[.,]\d{1,9})?"
+_MONTHS = {name.lower(): month for month, name in enumerate(calendar.month_abbr) if name}
 _STAMP = re.compile(
-    rf"\[?(?:(?P<iso>{_ISO})|(?P<time>{_TIME})|(?P<number>{_NUMBER}))\]?"
-    r"(?:\s*[,;|]\s*|\s*->\s*|:?\s+)(?P<rest>.*)",
+    r"\s*\[?\s*(?:"
+    rf"(?P<iso>{_ISO})"
+    rf"|(?P<date>\d{{4}}/\d\d/\d\d|\d\d\.\d\d\.\d{{4}})\s+(?P<dated>{_TIME})"
+    rf"|(?:[A-Z][a-z]{{2}},? +)?(?P<month>[A-Z][a-z]{{2}}) +(?P<day>\d\d?) +(?P<named>{_TIME})"
+    r"(?: +(?P<year>\d{4}))?"
+    rf"|(?:(?P<days>\d{{1,3}}) +)?(?P<time>{_TIME})"
+    rf"|(?P<number>{_NUMBER})"
+    r")(?:\s*\]?\s*(?:[,;|:]|-?>)\s*|\s*\]\s*|\s+)",
     re.ASCII,
 )
 _UNIT_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -38,7 +55,7 @@ class StampOptions(Settings):
     utc_offset_h: float = Field(default=0.0, ge=-24, le=24)
     """Hours by which the stamps' clock is ahead of UTC, for dates and times without a zone."""
     date: dt.date | None = None
-    """First day, for times of day without a date; without it, seconds since midnight."""
+    """First day, for stamps without a date or without a year; without it the trajectory's."""
 
 
 class DayClock:
@@ -63,24 +80,51 @@ class Stamps:
     ----------
     options
         How they are meant.
+    near_s
+        A time of the same drive by another clock, in seconds since 1970: it tells the day of
+        stamps without a date, and the year of those without a year, where the options do not.
+
+    Attributes
+    ----------
+    lacks
+        ``"date"`` or ``"year"`` where stamps lack it and nothing tells it, else ``""``.
+    first_day
+        The first day, where it was taken from ``near_s``.
     """
 
-    def __init__(self, options: StampOptions | None = None) -> None:
+    def __init__(self, options: StampOptions | None = None, near_s: float | None = None) -> None:
         self._options = StampOptions() if options is None else options
+        self._near_s = near_s
         self._clock = DayClock()
-        self._first_day_s = 0.0
-        if self._options.date is not None:
-            self._first_day_s = day_s(self._options.date) - 3600 * self._options.utc_offset_h
+        self._first_day_s: float | None = None
+        self._last_s: float | None = None
+        self.lacks: Literal["", "date", "year"] = ""
+        self.first_day: dt.date | None = None
 
-    def split(self, line: str) -> tuple[float, str] | None:
-        """Return a line's stamp in seconds and what follows it; ``None`` if it has no stamp."""
-        match = _STAMP.match(line)
+    def read(self, text: str) -> float | None:
+        """Return the time of a stamp, in seconds; ``None`` if its form is not known.
+
+        Parameters
+        ----------
+        text
+            All that stands before a line's content, with brackets and separators.
+        """
+        match = _STAMP.fullmatch(text)
         if match is None:
             return None
         if match["number"]:
-            return float(match["number"]) * _UNIT_S[self._options.unit], match["rest"]
-        seconds = self._time_s(match["time"]) if match["time"] else self.iso_s(match["iso"])
-        return None if seconds is None else (seconds, match["rest"])
+            return float(match["number"]) * _UNIT_S[self._options.unit]
+        if match["iso"]:
+            return self.iso_s(match["iso"])
+        if match["time"]:
+            return self._of_day(match["time"], int(match["days"] or 0))
+        if match["month"]:
+            month = _MONTHS.get(match["month"].lower(), 0)
+            return self._named(match["year"], month, int(match["day"]), match["named"])
+        day, month, year = map(int, re.split("[./]", match["date"]))
+        if year < 100:  # the year stands first
+            day, year = year, day
+        return self._dated(year, month, day, match["dated"])
 
     def iso_s(self, text: str) -> float | None:
         """Return an ISO date and time as seconds since 1970, ``None`` if it is not one."""
@@ -93,15 +137,72 @@ class Stamps:
             return (moment.replace(tzinfo=dt.UTC) - _EPOCH - zone).total_seconds()
         return (moment - _EPOCH).total_seconds()
 
-    def _time_s(self, text: str) -> float | None:
-        hours, minutes, seconds = text.replace(",", ".").split(":")
-        of_day_s = 3600 * int(hours) + 60 * int(minutes) + float(seconds)
-        if of_day_s > DAY_S:
+    @property
+    def _offset_s(self) -> float:
+        return 3600 * self._options.utc_offset_h
+
+    def _dated(self, year: int, month: int, day: int, time: str) -> float | None:
+        of_day_s = _time_of_day_s(time)
+        try:
+            midnight_s = day_s(dt.date(year, month, day))
+        except ValueError:
             return None
-        return self._first_day_s + self._clock.seconds(of_day_s)
+        return None if of_day_s is None else midnight_s + of_day_s - self._offset_s
+
+    def _named(self, year: str | None, month: int, day: int, time: str) -> float | None:
+        """Return the time of a stamp with a month's name.
+
+        Without a year it is in the one nearest to what is known; the last stamp is known best, so
+        that the new year comes by itself.
+        """
+        if year is not None:
+            return self._dated(int(year), month, day, time)
+        near_s = self._last_s
+        if near_s is None:
+            near_s = self._near_s if self._options.date is None else day_s(self._options.date)
+        near = 1972 if near_s is None else (_EPOCH + dt.timedelta(seconds=near_s)).year
+        times = (self._dated(each, month, day, time) for each in (near - 1, near, near + 1))
+        found = [t_s for t_s in times if t_s is not None]
+        if not found:
+            return None
+        t_s = min(found, key=lambda t_s: abs(t_s - (near_s or 0.0)))
+        if near_s is None:
+            self.lacks = "year"
+        elif self._last_s is None and self._options.date is None:
+            self.first_day = (_EPOCH + dt.timedelta(seconds=t_s + self._offset_s)).date()
+        self._last_s = t_s
+        return t_s
+
+    def _of_day(self, time: str, days: int) -> float | None:
+        of_day_s = _time_of_day_s(time)
+        if of_day_s is None:
+            return None
+        t_s = days * DAY_S + of_day_s if days else self._clock.seconds(of_day_s)
+        if self._first_day_s is None:
+            self._first_day_s = self._find_first_day(of_day_s)
+        return self._first_day_s + t_s
+
+    def _find_first_day(self, of_day_s: float) -> float:
+        """Return the start, in seconds since 1970, of the day that the first time of day is in."""
+        if self._options.date is not None:
+            return day_s(self._options.date) - self._offset_s
+        if self._near_s is None:
+            self.lacks = "date"
+            return 0.0
+        local_s = self._near_s + self._offset_s
+        days = round((local_s - of_day_s) / DAY_S)
+        self.first_day = (_EPOCH + dt.timedelta(days=days)).date()
+        return days * DAY_S - self._offset_s
 
 
 _EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
+
+
+def _time_of_day_s(text: str) -> float | None:
+    hours, minutes, seconds = text.replace(",", ".").split(":")
+    if int(hours) > 23 or int(minutes) > 59 or float(seconds) >= 61:
+        return None
+    return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
 
 
 def day_s(day: dt.date) -> float:

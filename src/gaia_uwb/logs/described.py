@@ -10,27 +10,32 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
+
 from gaia_uwb._shared import InputError
 from gaia_uwb.logs import _plausible
 from gaia_uwb.logs._lever_arm import LeverArm, move_to_tag
 from gaia_uwb.logs._logs import LogTable, join, tidy
 from gaia_uwb.logs._places import Places, first_place, to_places
 from gaia_uwb.logs._scenes import make_truth, range_log, read_anchors
+from gaia_uwb.logs._stamps import DAY_S
 from gaia_uwb.logs.bags import is_ros2_folder
 from gaia_uwb.logs.input_description import (
     FILE_NAME,
     CsvRanges,
     CsvTrajectory,
-    Dwm1001Ranges,
     FrameInput,
     InputDescription,
     NmeaTrajectory,
     RosRanges,
     RosTrajectory,
+    SerialRanges,
     read_description,
 )
 from gaia_uwb.logs.ros import RosLog
 from gaia_uwb.scene import LocalFrame, Scene, Trajectory
+
+_DATED_S = 10 * DAY_S  # times from which on count from 1970, not from midnight or from a start
 
 ROS_FILES = (".bag", ".mcap")
 """Endings of ROS logs that are one file."""
@@ -122,7 +127,8 @@ class _Reader:
     def scene(self) -> tuple[Scene, tuple[str, ...]]:
         """Return the scene and the notes."""
         given = self._description
-        drive, ranges = self._drive(), self._ranges()
+        drive = self._drive()
+        ranges = self._ranges(float(np.median(drive["t_s"])))
         frame, places = self._places(drive)
         _plausible.check_seconds(ranges)
         _plausible.check_one_drive(ranges, drive, places.position_m)
@@ -160,19 +166,23 @@ class _Reader:
         _plausible.check_timeline(table)
         return table
 
-    def _ranges(self) -> LogTable:
+    def _ranges(self, drive_s: float) -> LogTable:
+        """Return the ranges; a time of the drive dates stamps that lack a date or a year."""
+        near_s = drive_s if drive_s > _DATED_S else None
         tables = []
         for given in self._description.ranges:
-            table, notes = tidy(self._ranges_of(given))
+            table, notes = tidy(self._ranges_of(given, near_s))
             self._notes += notes
             tables.append(table)
         table, notes = tidy(join(tables), merged=True)
         self._notes += notes
         return table
 
-    def _ranges_of(self, given: RosRanges | CsvRanges | Dwm1001Ranges) -> LogTable:
+    def _ranges_of(
+        self, given: RosRanges | CsvRanges | SerialRanges, near_s: float | None
+    ) -> LogTable:
         from gaia_uwb.logs import csv_map
-        from gaia_uwb.logs.dwm1001 import read_dwm1001
+        from gaia_uwb.logs.serial import read_serial
 
         match given:
             case RosRanges():
@@ -181,8 +191,15 @@ class _Reader:
             case CsvRanges():
                 path = self._path(given.file)
                 table, notes = csv_map.read_ranges(path, given.columns, given.stamps), []
-            case Dwm1001Ranges():
-                table, notes = read_dwm1001(self._path(given.file), given.stamps)
+            case SerialRanges():
+                table, notes = read_serial(
+                    self._path(given.file),
+                    given.format,
+                    given.stamps,
+                    where=given.where,
+                    missing=given.missing,
+                    near_s=near_s,
+                )
         self._notes += notes
         return table
 

@@ -14,12 +14,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Discriminator, Field, Tag, ValidationError
 
 from gaia_uwb._shared import MAX_BYTES, ConfigError, InputError, read_yaml
 from gaia_uwb.config import LONGEST_NAME, Settings, settings_problems
 from gaia_uwb.logs._lever_arm import LeverArm
 from gaia_uwb.logs._logs import check_file
+from gaia_uwb.logs._selection import Missing, Where
 from gaia_uwb.logs._stamps import StampOptions
 from gaia_uwb.logs.bags import FieldMap
 from gaia_uwb.logs.csv_map import RangeColumns, TrajectoryColumns
@@ -81,10 +82,15 @@ class CsvRanges(_File):
     stamps: StampOptions = StampOptions()
 
 
-class Dwm1001Ranges(_File):
-    """Ranges in a DWM1001's serial log."""
+class SerialRanges(_File):
+    """Ranges in a tag's serial log."""
 
-    format: Literal["dwm1001"]
+    format: Literal["dwm1001", "trek1000", "mauwb", "dwm3001"] | None = None
+    """Which device wrote it; ``None`` finds it by its lines."""
+    where: Where = Field(default_factory=dict)
+    """Which tag counts, where lines name the tag: ``{tag_id: 1}``."""
+    missing: Missing = Field(default_factory=list)
+    """Numbers that mean "no range", in the device's unit."""
     stamps: StampOptions = StampOptions()
 
 
@@ -99,7 +105,20 @@ class FrameInput(Settings):
 TrajectoryInput = Annotated[
     RosTrajectory | NmeaTrajectory | CsvTrajectory, Field(discriminator="format")
 ]
-RangesInput = Annotated[RosRanges | CsvRanges | Dwm1001Ranges, Field(discriminator="format")]
+
+
+def _kind_of_ranges(given: object) -> str | None:
+    """Return which model describes ranges; without a format, a serial log tells its own."""
+    form = given.get("format") if isinstance(given, dict) else getattr(given, "format", None)
+    return form if isinstance(form, str) and form in {"ros", "csv"} else "serial"
+
+
+RangesInput = Annotated[
+    Annotated[RosRanges, Tag("ros")]
+    | Annotated[CsvRanges, Tag("csv")]
+    | Annotated[SerialRanges, Tag("serial")],
+    Discriminator(_kind_of_ranges),
+]
 
 
 class InputDescription(Settings):

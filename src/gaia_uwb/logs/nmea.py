@@ -147,11 +147,11 @@ class _Reader:
             return
         t_s = self._day.seconds(fix.time_of_day_s)
         if self._host:
-            stamp = self._stamps.split(f"{prefix.rstrip(' ,;|->')} -")
-            if stamp is None:
+            stamp_s = self._stamps.read(f"{prefix} ")
+            if stamp_s is None:
                 self._count.n_no_stamp += 1
                 return
-            t_s = stamp[0]
+            t_s = stamp_s
         self._count.n_no_height += math.isnan(fix.alt_m)
         self._count.n_no_geoid += not fix.separation_known
         self._rows.add(number, (t_s, fix.lat, fix.lon, fix.alt_m))
