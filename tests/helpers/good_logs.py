@@ -79,10 +79,7 @@ def write_serial(folder: Path) -> Path:
 
 
 def write_device(folder: Path, name: str) -> Path:
-    """Write a serial log of one device, with stamps of one kind each, an NMEA log and a description.
-
-    Its anchors are named by their places or by two ids, and heard at 2 Hz.
-    """
+    """Write a serial log of one device, an NMEA log and their description."""
     (folder / "drive.nmea").write_text(zda() + "".join(map(gga, range(40))), encoding="utf-8")
     lines = "".join(DEVICES[name](t, 500 + 100 * t, 900 + 100 * t) for t in range(80))
     (folder / "tag.log").write_text(lines, encoding="utf-8")

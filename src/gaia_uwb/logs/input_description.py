@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Discriminator, Field, Tag, ValidationError
 
@@ -82,10 +82,13 @@ class CsvRanges(_File):
     stamps: StampOptions = StampOptions()
 
 
+SerialFormat = Literal["dwm1001", "trek1000", "mauwb", "dwm3001"]
+
+
 class SerialRanges(_File):
     """Ranges in a tag's serial log."""
 
-    format: Literal["dwm1001", "trek1000", "mauwb", "dwm3001"] | None = None
+    format: SerialFormat | None = None
     """Which device wrote it; ``None`` finds it by its lines."""
     where: Where = Field(default_factory=dict)
     """Which tag counts, where lines name the tag: ``{tag_id: 1}``."""
@@ -107,17 +110,26 @@ TrajectoryInput = Annotated[
 ]
 
 
+_RANGES = {"ros": "ros", "csv": "csv"} | dict.fromkeys(get_args(SerialFormat), "serial")
+
+
 def _kind_of_ranges(given: object) -> str | None:
     """Return which model describes ranges; without a format, a serial log tells its own."""
     form = given.get("format") if isinstance(given, dict) else getattr(given, "format", None)
-    return form if isinstance(form, str) and form in {"ros", "csv"} else "serial"
+    if form is None:
+        return "serial"
+    return _RANGES.get(form) if isinstance(form, str) else None
 
 
 RangesInput = Annotated[
     Annotated[RosRanges, Tag("ros")]
     | Annotated[CsvRanges, Tag("csv")]
     | Annotated[SerialRanges, Tag("serial")],
-    Discriminator(_kind_of_ranges),
+    Discriminator(
+        _kind_of_ranges,
+        custom_error_type="format",
+        custom_error_message=f"format should be one of {', '.join(_RANGES)}",
+    ),
 ]
 
 
