@@ -94,8 +94,8 @@ def test_each_kind_gets_its_type(tmp_path: Path) -> None:
         (b"t,id\n\n,\n", "log.csv: has a header but no rows"),
         (b"t,name\n1,a\n", "log.csv, column id: missing; found 't', 'name'"),
         (b"t,idd\n1,a\n", "column id: missing; found 't', 'idd'; is 'idd' this column?"),
-        (b"\n1,a\n", "column t: missing; found no header"),
-        (b"t;id\n1;a\n", "expected commas between the columns, found semicolons or tabs"),
+        (b"\n1,a\n", "column t: missing; found '1', 'a'"),
+        (b"t;name\n1;a\n", "column id: missing; found 't', 'name', with semicolons between them"),
         (b"t,id,t\n1,a,2\n", "row 1, column t: appears twice in the header"),
         (b"t,id\n1,a\n\nx,b\n", "row 4, column t: expected a finite number, got 'x'"),
         (b"t,id\n1,a\n,b\n", "row 3, column t: expected a finite number, got an empty cell"),
@@ -110,7 +110,7 @@ def test_each_kind_gets_its_type(tmp_path: Path) -> None:
         (b't,id\n1,"a\nb"\nx,c\n', "row 4, column t: expected a finite number, got 'x'"),
         (b't,id\n1,"a\n2,b\n', "row 2: cannot be split into cells: unexpected end of data"),
         (b"t,id\n1,a\n2,\xff\n", "row 3: expected UTF-8 text, got the byte 0xff"),
-        (b"\xff\xfet\x00,\x00", "row 1: expected UTF-8 text, got the byte 0xff"),
+        (b"\xff\xfet\x00,\x00i", "row 1: expected UTF-16 text"),
         (b"t,id,stamp\n1,a,1.5\n", "row 2, column stamp: expected an integer, got '1.5'"),
         (b"t,id,stamp\n1,a,9223372036854775808\n", "column stamp: expected an integer"),
         (b"t,id,los\n1,a,maybe\n", "row 2, column los: expected true or false, got 'maybe'"),
@@ -134,7 +134,7 @@ def test_an_endless_line_in_a_huge_file_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_bytes(b"t,id\n1,a\n")
     os.truncate(path, 2**31)
-    with pytest.raises(InputError, match="row 3: no line end within 16,777,216 bytes"):
+    with pytest.raises(InputError, match="row 3: no line end within 1,048,576 bytes"):
         read_table(path, KINDS)
 
 
@@ -154,7 +154,7 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.csv: cannot be read: No such file"):
         read_table(tmp_path / "none.csv", KINDS)
     (tmp_path / "folder.csv").mkdir()
-    with pytest.raises(InputError, match="cannot be read: Is a directory"):
+    with pytest.raises(InputError, match="is not a regular file"):
         read_table(tmp_path / "folder.csv", KINDS)
 
 

@@ -10,15 +10,18 @@ import csv
 import re
 from collections.abc import Iterator, Mapping
 from enum import StrEnum
-from itertools import count, islice
+from itertools import islice
 from math import isfinite
 from pathlib import Path
 
 from gaia_uwb._shared import InputError
+from gaia_uwb.logs._dialect import Dialect, table_lines
 
-_MAX_LINE_BYTES = 2**20
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-_NO_NUMBER = re.compile(r"|[+-]?(nan|inf|infinity)", re.IGNORECASE)
+NOTHING = ("nan", "na", "n/a", "null", "none", "-", "--")
+"""What tables hold where there is no number, in small letters; an empty cell is the rule."""
+_NO_NUMBER = re.compile(rf"|[+-]?(inf|infinity|nan)|{'|'.join(NOTHING)}", re.IGNORECASE)
+_DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}\b|\d{1,2}:\d\d:", re.ASCII)
 _INTEGER = re.compile(r"[+-]?[0-9]{1,19}")
 
 
@@ -29,6 +32,7 @@ class Kind(StrEnum):
     OPTIONAL = "a number or nothing"
     INTEGER = "an integer"
     TEXT = "text"
+    ANYTHING = "text or nothing"
     FLAG = "true or false"
 
     def allows(self, cell: str) -> bool:
@@ -37,6 +41,8 @@ class Kind(StrEnum):
         match self:
             case Kind.TEXT:
                 return cell != ""
+            case Kind.ANYTHING:
+                return True
             case Kind.FLAG:
                 return cell.lower() in {"true", "false", "1", "0"}
             case Kind.INTEGER:
@@ -46,70 +52,67 @@ class Kind(StrEnum):
         return bool(_NUMBER.fullmatch(cell)) and isfinite(float(cell))
 
 
-def read_header(path: Path) -> list[str]:
-    """Return the names in the first row.
-
-    Raises
-    ------
-    InputError
-        If the file is empty or its first row is not text.
-    OSError
-        If the file cannot be read.
-    """
-    for _, cells in _records(path):
-        return cells
-    raise InputError("is empty", source=path)
-
-
-def find_wrong_cell(path: Path, kinds: Mapping[str, Kind], *, otherwise: str) -> InputError:
+def find_wrong_cell(
+    path: Path, dialect: Dialect, kinds: Mapping[str, Kind], *, otherwise: str
+) -> InputError:
     """Return the error for the first cell that is not what its column must hold.
 
     Parameters
     ----------
-    path
-        A CSV file whose header has all the columns.
+    path, dialect
+        A text file, and how it holds a table that has all the columns.
     kinds
         Column -> what it must hold.
     otherwise
         What to say if every cell is as it must be.
     """
     try:
-        for row, cells, n_surplus in _wanted(path, list(kinds)):
+        for row, cells, n_surplus in _wanted(path, dialect, list(kinds)):
             if n_surplus:
                 return InputError(
                     f"has {n_surplus} more cells than the header", source=path, row=row
                 )
             for (name, kind), cell in zip(kinds.items(), cells, strict=True):
-                if not kind.allows(cell):
+                if not kind.allows(_with_point(cell, name, dialect)):
                     got = repr(cell[:40]) if cell else "an empty cell"
-                    problem = f"expected {kind}, got {got}"
+                    problem = f"expected {kind}, got {got}{_way_out(cell, kind)}"
                     return InputError(problem, source=path, row=row, column=name)
     except InputError as error:  # the file cannot even be split into cells
         return error
     return InputError(f"cannot be read: {otherwise}", source=path)
 
 
-def find_row(path: Path, names: list[str], index: int) -> int | None:
+def find_row(path: Path, dialect: Dialect, names: list[str], index: int) -> int | None:
     """Return the row that holds record ``index`` (from 0), counting those with a wanted cell."""
-    return next((row for row, _, _ in islice(_wanted(path, names), index, None)), None)
+    return next((row for row, _, _ in islice(_wanted(path, dialect, names), index, None)), None)
 
 
-def _wanted(path: Path, names: list[str]) -> Iterator[tuple[int, list[str], int]]:
+def _with_point(cell: str, name: str, dialect: Dialect) -> str:
+    """Return a cell with a decimal point for its decimal comma, where its column has commas."""
+    return cell.replace(".", "?").replace(",", ".") if name in dialect.decimal_commas else cell
+
+
+def _way_out(cell: str, kind: Kind) -> str:
+    """Return what to do about a date where a number is expected."""
+    if kind is not Kind.NUMBER or not _DATE.match(cell.strip()):
+        return ""
+    return "; for dates, map the column in gaia.yaml: t_s: {column: NAME, iso: true}"
+
+
+def _wanted(path: Path, dialect: Dialect, names: list[str]) -> Iterator[tuple[int, list[str], int]]:
     """Yield row, wanted cells and number of surplus cells of each record that is not blank."""
-    records = _records(path)
-    _, header = next(records)
-    places = [header.index(name) for name in names]
-    for row, cells in records:
+    places = [dialect.names.index(name) for name in names]
+    for row, cells in _records(path, dialect):
         wanted = [cells[place] if place < len(cells) else "" for place in places]
-        if any(cell.strip() for cell in wanted):
-            yield row, wanted, max(0, len(cells) - len(header))
+        if row > dialect.header_row and any(cell.strip() for cell in wanted):
+            yield row, wanted, max(0, len(cells) - len(dialect.names))
 
 
-def _records(path: Path) -> Iterator[tuple[int, list[str]]]:
+def _records(path: Path, dialect: Dialect) -> Iterator[tuple[int, list[str]]]:
     """Yield each record's first row and cells; the header and blank lines are records too."""
-    reader = csv.reader(_lines(path), strict=True)
+    reader = csv.reader(table_lines(path, dialect), delimiter=dialect.delimiter, strict=True)
     while True:
-        row = reader.line_num + 1
+        row = reader.line_num + bool(dialect.header_row)
         try:
             cells = next(reader)
         except StopIteration:
@@ -118,23 +121,3 @@ def _records(path: Path) -> Iterator[tuple[int, list[str]]]:
             problem = f"cannot be split into cells: {error}"
             raise InputError(problem, source=path, row=row) from error
         yield row, cells
-
-
-def _lines(path: Path) -> Iterator[str]:
-    try:
-        opened = path.open("rb")
-    except ValueError as error:
-        raise InputError(f"is not a valid file name: {error}", source=path) from error
-    with opened as file:
-        for row in count(1):
-            line = file.readline(_MAX_LINE_BYTES + 1)
-            if not line:
-                return
-            if len(line) > _MAX_LINE_BYTES:
-                problem = f"no line end within {_MAX_LINE_BYTES:,} bytes: this is not a table"
-                raise InputError(problem, source=path, row=row)
-            try:
-                yield line.decode("utf-8-sig" if row == 1 else "utf-8")
-            except UnicodeDecodeError as error:
-                problem = f"expected UTF-8 text, got the byte 0x{error.object[error.start]:02x}"
-                raise InputError(problem, source=path, row=row) from error

@@ -26,6 +26,7 @@ from typing import Literal
 from pydantic import Field
 
 from gaia_uwb.config import Settings
+from gaia_uwb.logs._dates import DateOrder
 
 DAY_S = 86_400.0
 
@@ -54,6 +55,8 @@ class StampOptions(Settings):
     """Unit of stamps that are plain numbers."""
     utc_offset_h: float = Field(default=0.0, ge=-24, le=24)
     """Hours by which the stamps' clock is ahead of UTC, for dates and times without a zone."""
+    date_order: DateOrder | None = None
+    """Whether day or month comes first in a table's dates that end in the year (03/04/2026)."""
     date: dt.date | None = None
     """First day, for stamps without a date or without a year; without it the trajectory's."""
 

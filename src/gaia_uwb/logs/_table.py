@@ -11,24 +11,26 @@ from __future__ import annotations
 
 import difflib
 import os
-import re
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gaia_uwb._shared import Array, InputError
-from gaia_uwb.logs._cells import Kind, find_row, find_wrong_cell, read_header
+from gaia_uwb._shared import Array, InputError, Int64
+from gaia_uwb.logs._cells import NOTHING, Kind, find_row, find_wrong_cell
+from gaia_uwb.logs._dialect import SEPARATOR_WORDS, Dialect, sniff, table_lines
 
 MAX_ROWS = 16_000_000
 """Most rows of one table; reading so many ranges takes about 2 GiB of memory."""
 
 _CHUNK_BYTES = 16 * 2**20
 _STDERR = 2
+_TEXTS = (Kind.TEXT, Kind.ANYTHING)
 _FEW_ROWS = 1_000_000  # of more, times and ranges that differ take a byte a row at the very least
 
 
@@ -47,12 +49,18 @@ class Table:
         Text column -> its distinct texts, without spaces around them, sorted.
     unknown
         Names of the columns that were not asked for.
+    dialect
+        How the file holds the table; ``None`` for Parquet.
+    kept : (R,)
+        Which of the file's rows the values are of, from 0; ``None`` if all are there.
     """
 
     path: Path
     columns: Mapping[str, Array]
     labels: Mapping[str, tuple[str, ...]]
     unknown: tuple[str, ...]
+    dialect: Dialect | None = None
+    kept: Int64[Array, "R"] | None = None
 
     def __contains__(self, name: str) -> bool:
         return name in self.columns
@@ -67,19 +75,34 @@ class Table:
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
 
+    def notes(self) -> list[str]:
+        """Return what a user should know who expects a plain CSV file."""
+        return [] if self.dialect is None else self.dialect.notes(self.path)
+
+    def take(self, rows: Array) -> Table:
+        """Return the table of some rows, named by index or by a mask."""
+        columns = {name: values[rows] for name, values in self.columns.items()}
+        kept = np.arange(len(self), dtype=np.int64) if self.kept is None else self.kept
+        return replace(self, columns=columns, kept=kept[rows])
+
     def error(
         self, problem: str, *, index: int | None = None, column: str | None = None
     ) -> InputError:
         """Return the error that names the row of values ``index`` as the file's reader sees it."""
         row = None
         if index is not None:
-            parquet = _is_parquet(self.path)
-            row = index + 1 if parquet else find_row(self.path, list(self.columns), index)
+            index = index if self.kept is None else int(self.kept[index])
+            names = list(self.columns)
+            dialect = self.dialect
+            row = index + 1 if dialect is None else find_row(self.path, dialect, names, index)
         return InputError(problem, source=self.path, row=row, column=column)
 
 
 def read_table(
-    path: Path, required: Mapping[str, Kind], optional: Mapping[str, Kind] | None = None
+    path: Path,
+    required: Mapping[str, Kind],
+    optional: Mapping[str, Kind] | None = None,
+    dialect: Dialect | None = None,
 ) -> Table:
     """Read the columns of a CSV or Parquet file (recognised by the name's ending).
 
@@ -91,6 +114,8 @@ def read_table(
         Columns that must be there, and what they hold.
     optional
         Columns that are read if they are there.
+    dialect
+        How a text file holds the table; ``None`` finds out.
 
     Raises
     ------
@@ -98,23 +123,29 @@ def read_table(
         If the file cannot be read, is empty or too long, lacks a column or has it twice, or a cell
         does not hold what its column must hold.
     """
+    import polars as pl
+
     known = {**required, **(optional or {})}
-    header = read_names(path)
-    _check_names(path, header, required, known)
+    with read_errors(path):
+        if dialect is None and not _is_parquet(path):
+            dialect = _as_wanted(sniff(path), known)
+        header = list(_parquet_schema(path) if dialect is None else dialect.names)
+    _check_names(path, header, required, known, dialect)
     kinds = {name: kind for name, kind in known.items() if name in header}
     with read_errors(path):
-        frame = _read_parquet(path, kinds) if _is_parquet(path) else _read_csv(path, kinds)
+        frame = _read_parquet(path, kinds) if dialect is None else _read_csv(path, dialect, kinds)
     if not len(frame):
         raise InputError("has a header but no rows", source=path)
+    nothing = [name for name, kind in kinds.items() if kind is Kind.ANYTHING]
+    frame = frame.with_columns(pl.col(nothing).fill_null("")) if nothing else frame
     labels = {
-        name: tuple(frame[name].unique().sort())
-        for name, kind in kinds.items()
-        if kind is Kind.TEXT
+        name: tuple(frame[name].unique().sort()) for name, kind in kinds.items() if kind in _TEXTS
     }
     columns = {
         name: _to_array(frame[name], kind, labels.get(name, ())) for name, kind in kinds.items()
     }
-    return Table(path, columns, labels, tuple(name for name in header if name not in known))
+    unknown = tuple(name for name in header if name not in known)
+    return Table(path, columns, labels, unknown, dialect)
 
 
 def read_names(path: Path) -> list[str]:
@@ -126,18 +157,31 @@ def read_names(path: Path) -> list[str]:
         If the file cannot be read or is empty.
     """
     with read_errors(path):
-        return list(_parquet_schema(path)) if _is_parquet(path) else read_header(path)
+        return list(_parquet_schema(path) if _is_parquet(path) else sniff(path).names)
+
+
+def _as_wanted(dialect: Dialect, known: Mapping[str, Kind]) -> Dialect:
+    """Return a dialect whose first name is as it is wanted, with the ``#`` before it or without."""
+    if not dialect.comments or not dialect.names or dialect.names[0] in known:
+        return dialect
+    bare = dialect.names[0].lstrip("#% ")
+    first = next((name for name in known if name.lstrip("#% ") == bare), dialect.names[0])
+    return replace(dialect, names=(first, *dialect.names[1:]))
 
 
 def _check_names(
-    path: Path, header: list[str], required: Mapping[str, Kind], known: Mapping[str, Kind]
+    path: Path,
+    header: list[str],
+    required: Mapping[str, Kind],
+    known: Mapping[str, Kind],
+    dialect: Dialect | None,
 ) -> None:
     """Refuse a table that lacks a column or has one twice."""
     for name in required:
         if name not in header:
             found = f"found {', '.join(map(repr, header))}" if any(header) else "found no header"
-            if len(header) == 1 and re.search("[;\t]", header[0]):
-                found = "expected commas between the columns, found semicolons or tabs"
+            if dialect is not None and dialect.separator != ",":
+                found += f", with {SEPARATOR_WORDS.get(dialect.separator)} between them"
             near = difflib.get_close_matches(name, [h for h in header if h not in known], n=1)
             hint = f"; is {near[0]!r} this column?" if near else ""
             raise InputError(f"missing; {found[:200]}{hint}", source=path, column=name)
@@ -146,26 +190,59 @@ def _check_names(
             raise InputError("appears twice in the header", source=path, row=1, column=name)
 
 
-def _read_csv(path: Path, kinds: Mapping[str, Kind]) -> Any:
+def _read_csv(path: Path, dialect: Dialect, kinds: Mapping[str, Kind]) -> Any:
     """Return the polars frame of the wanted columns, without blank rows; flags are still texts."""
+    with _plain_text(path, dialect) as plain:
+        try:
+            try:
+                frame = _collect(plain, dialect, kinds, nothing=())
+            except InputError:  # rare, and slower to read
+                frame = _collect(plain, dialect, kinds, nothing=NOTHING)
+        except InputError as error:
+            raise find_wrong_cell(path, dialect, kinds, otherwise=error.problem) from error
+    if _first_refused(frame, kinds):
+        raise find_wrong_cell(path, dialect, kinds, otherwise="a cell cannot be parsed")
+    return frame
+
+
+@contextmanager
+def _plain_text(path: Path, dialect: Dialect) -> Iterator[Path]:
+    """Give the table as a file that polars' CSV reader understands: UTF-8, the names first."""
+    if dialect.is_plain:
+        _check_length(path)
+        yield path
+        return
+    with tempfile.NamedTemporaryFile("w", suffix=".csv", encoding="utf-8", newline="") as file:
+        for row, line in enumerate(table_lines(path, dialect)):
+            if line.strip():
+                file.write(line)
+            if row > MAX_ROWS:
+                _check_n_rows(path, row)
+        file.flush()
+        yield Path(file.name)
+
+
+def _collect(
+    path: Path, dialect: Dialect, kinds: Mapping[str, Kind], nothing: tuple[str, ...]
+) -> Any:
+    """Return the frame of the wanted columns; words that mean nothing are null where allowed."""
     import polars as pl
 
-    _check_length(path)
     values = {}
     for name, dtype in _polars_types(kinds).items():
         stripped = pl.col(name).str.strip_chars()
+        if nothing and kinds[name] is Kind.OPTIONAL:
+            is_nothing = stripped.str.to_lowercase().is_in(list(nothing))
+            stripped = pl.when(~is_nothing).then(stripped)
+        if name in dialect.decimal_commas and dtype == pl.Float64:
+            stripped = stripped.str.replace_all(".", "?", literal=True)
+            stripped = stripped.str.replace_all(",", ".", literal=True)
         # Cast here, chunk by chunk, and not by polars' CSV reader: that one panics on a cell that
         # is a single quote, with a stack trace on stderr.
         values[name] = pl.when(stripped != "").then(stripped).cast(dtype)
-    scan = pl.scan_csv(path, infer_schema=False).select(**values)
-    try:
-        with read_errors(path):
-            frame = scan.filter(~pl.all_horizontal(pl.all().is_null())).collect(engine="streaming")
-    except InputError as error:
-        raise find_wrong_cell(path, kinds, otherwise=error.problem) from error
-    if _first_refused(frame, kinds):
-        raise find_wrong_cell(path, kinds, otherwise="a cell cannot be parsed")
-    return frame
+    with read_errors(path):
+        scan = pl.scan_csv(path, separator=dialect.delimiter, infer_schema=False).select(**values)
+        return scan.filter(~pl.all_horizontal(pl.all().is_null())).collect(engine="streaming")
 
 
 def _check_length(path: Path) -> None:
@@ -200,7 +277,7 @@ def _read_parquet(path: Path, kinds: Mapping[str, Kind]) -> Any:
             raise InputError(problem, source=path, column=name)
     casts = [
         pl.col(name).cast(dtype).str.strip_chars()
-        if kinds[name] is Kind.TEXT
+        if kinds[name] in _TEXTS
         else pl.col(name).cast(dtype)
         for name, dtype in _polars_types(kinds).items()
     ]
@@ -240,7 +317,10 @@ def _fits(dtype: Any, kind: Kind) -> bool:
         case Kind.INTEGER:
             return bool(dtype.is_integer())
         case Kind.TEXT:
-            return bool(dtype.is_integer() or dtype in (pl.String, pl.Categorical, pl.Enum))
+            texts = (pl.String, pl.Categorical, pl.Enum, pl.Datetime, pl.Date)
+            return bool(dtype.is_integer() or dtype in texts)
+        case Kind.ANYTHING:
+            return not dtype.is_nested() and dtype != pl.Binary
     return bool(dtype.is_numeric())
 
 
@@ -312,7 +392,7 @@ def _first_refused(frame: Any, kinds: Mapping[str, Kind]) -> tuple[str, int] | N
                 refused = ~column.str.to_lowercase().is_in(["true", "false", "1", "0"])
             case Kind.INTEGER:
                 refused = pl.lit(value=False)
-            case Kind.OPTIONAL:
+            case Kind.OPTIONAL | Kind.ANYTHING:
                 continue
         index = frame.select((column.is_null() | refused).arg_true().first()).item()
         if index is not None:
@@ -325,7 +405,7 @@ def _to_array(column: Any, kind: Kind, labels: tuple[str, ...]) -> Array:
     import polars as pl
 
     match kind:
-        case Kind.TEXT:
+        case Kind.TEXT | Kind.ANYTHING:
             values = column.cast(pl.Enum(labels)).to_physical().cast(pl.Int64).to_numpy()
         case Kind.FLAG:
             values = column.str.to_lowercase().is_in(["true", "1"]).to_numpy()

@@ -1,13 +1,15 @@
 """Tables with any column names: a map says which column is what, and in which unit.
 
-A column is named, or named with a scale: ``t_s: {column: time_ms, scale: 0.001}``. Times may be ISO
-dates: ``t_s: {column: time, iso: true}``. Ranges are one per row (``anchor_id``, ``range_m``) or in
-one column per anchor (``anchors: {cone-1: d1, cone-2: d2}``), where an empty cell means no range.
+A column is named, or named with a scale: ``t_s: {column: time_ms, scale: 0.001}``. Times may be
+dates: ``t_s: {column: time, iso: true}``, or ``{columns: [date, time], iso: true}`` where they
+stand apart. Ranges are one per row (``anchor_id``, ``range_m``) or in one column per anchor
+(``anchors: {cone-1: d1, cone-2: d2}``). An empty cell, or a number that ``missing`` lists, is no
+range.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -15,12 +17,15 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from gaia_uwb._shared import Array, InputError
+from gaia_uwb._shared import Array, InputError, counted
 from gaia_uwb.config import Settings
 from gaia_uwb.logs._cells import Kind
+from gaia_uwb.logs._dates import seconds_of, way_out
 from gaia_uwb.logs._logs import MAX_ANCHORS, LogTable, join
-from gaia_uwb.logs._stamps import StampOptions, Stamps
-from gaia_uwb.logs._table import Table, read_table
+from gaia_uwb.logs._selection import Value
+from gaia_uwb.logs._stamps import StampOptions
+from gaia_uwb.logs._table import Table, read_names, read_table
+from gaia_uwb.logs._tags import check_one_tag, rows_where, tag_columns
 
 _Name = Annotated[str, Field(min_length=1)]
 
@@ -28,15 +33,45 @@ _Name = Annotated[str, Field(min_length=1)]
 class Column(Settings):
     """A column and its unit."""
 
-    column: _Name
+    column: _Name | None = None
     """Its name in the file."""
-    scale: float = Field(default=1.0, ge=1e-12, le=1e12)
-    """Our unit (seconds, metres, degrees, dBm) per unit of the file."""
+    columns: Annotated[list[_Name], Field(min_length=2, max_length=2)] | None = None
+    """Instead: names of the columns of date and time (``t_s`` only)."""
+    scale: float = Field(default=1.0, ge=-1e12, le=1e12)
+    """Our unit (seconds, metres, degrees, dBm) per unit of the file; below 0 for heights only, in a
+    file that counts down."""
     iso: bool = False
     """Dates and times instead of numbers (``t_s`` only)."""
 
+    @model_validator(mode="after")
+    def _possible(self) -> Column:
+        if (self.column is None) is (self.columns is None):
+            raise ValueError("give column, or columns: [date, time]")
+        if self.columns is not None and not self.iso:
+            raise ValueError("two columns hold a date and a time: add iso: true")
+        if abs(self.scale) < 1e-12:
+            raise ValueError("a scale of 0 leaves nothing")
+        return self
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns in the file."""
+        return (self.column,) if self.column is not None else tuple(self.columns or ())
+
 
 _Given = _Name | Column
+_HEIGHTS = ("alt_m", "up_m", "down_m")
+
+
+def _check_scales(columns: Settings) -> None:
+    """Refuse what only some columns can be: upside down, or dates."""
+    for name in type(columns).model_fields:
+        given = getattr(columns, name)
+        for each in given.values() if isinstance(given, dict) else [given]:
+            if isinstance(each, Column) and each.scale < 0 and name not in _HEIGHTS:
+                raise ValueError(f"{name}: a scale below 0 is for heights only")
+            if isinstance(each, Column) and each.iso and name != "t_s":
+                raise ValueError(f"{name}: iso is for t_s only")
 
 
 class TrajectoryColumns(Settings):
@@ -49,16 +84,20 @@ class TrajectoryColumns(Settings):
     east_m: _Given | None = None
     north_m: _Given | None = None
     up_m: _Given | None = None
+    down_m: _Given | None = None
+    """Instead of ``up_m``: metres below the origin, as in north, east, down."""
 
     @model_validator(mode="after")
     def _one_kind_of_place(self) -> TrajectoryColumns:
+        _check_scales(self)
         earth = self.lat is not None and self.lon is not None
         site = self.east_m is not None and self.north_m is not None
         some = {name for name in ("lat", "lon", "alt_m") if getattr(self, name) is not None}
-        other = {name for name in ("east_m", "north_m", "up_m") if getattr(self, name) is not None}
-        if earth is site or (some and other):
+        local = ("east_m", "north_m", "up_m", "down_m")
+        other = {name for name in local if getattr(self, name) is not None}
+        if earth is site or (some and other) or {"up_m", "down_m"} <= other:
             raise ValueError(
-                "give either lat and lon [and alt_m], or east_m and north_m [and up_m]"
+                "give either lat and lon [and alt_m], or east_m and north_m [and up_m or down_m]"
             )
         return self
 
@@ -76,6 +115,7 @@ class RangeColumns(Settings):
 
     @model_validator(mode="after")
     def _one_layout(self) -> RangeColumns:
+        _check_scales(self)
         per_row = (self.anchor_id, self.range_m, self.rssi_dbm, self.rssi_fp_dbm)
         if self.anchors is None and (self.anchor_id is None or self.range_m is None):
             raise ValueError("give anchor_id and range_m, or anchors")
@@ -86,7 +126,9 @@ class RangeColumns(Settings):
         return self
 
 
-def read_trajectory(path: Path, columns: TrajectoryColumns, stamps: StampOptions) -> LogTable:
+def read_trajectory(
+    path: Path, columns: TrajectoryColumns, stamps: StampOptions
+) -> tuple[LogTable, list[str]]:
     """Read a trajectory.
 
     Parameters
@@ -96,46 +138,98 @@ def read_trajectory(path: Path, columns: TrajectoryColumns, stamps: StampOptions
     columns
         Which column is what.
     stamps
-        How to read ISO times without a zone.
+        How to read dates and times without a zone.
 
     Returns
     -------
     LogTable
         ``t_s`` in seconds; ``lat``, ``lon`` in degrees or ``east_m``, ``north_m`` in metres, and
         the heights if they are mapped.
+    list of str
+        Notes on how the file was read.
 
     Raises
     ------
     InputError
         If the file cannot be read, lacks a column, or a cell is wrong.
     """
-    return _read(path, _columns(columns), {}, stamps)
+    table = read_table(path, _kinds(path, _columns(columns)))
+    log = _log_table(table, _columns(columns), stamps)
+    if "down_m" in log:
+        values = {name: values for name, values in log.columns.items() if name != "down_m"}
+        names = {**log.names, "up_m": log.names["down_m"]}
+        log = replace(log, columns={**values, "up_m": -log["down_m"]}, names=names)
+    return log, table.notes()
 
 
-def read_ranges(path: Path, columns: RangeColumns, stamps: StampOptions) -> LogTable:
+def read_ranges(
+    path: Path,
+    columns: RangeColumns,
+    stamps: StampOptions,
+    *,
+    where: Mapping[str, Value | Sequence[Value]] | None = None,
+    missing: Sequence[float | int] = (),
+) -> tuple[LogTable, list[str]]:
     """Read ranges.
 
     Parameters
     ----------
     path, columns, stamps
         Like those of :func:`read_trajectory`.
+    where
+        Column -> the value, or one of several, that it must have in the rows that count.
+    missing
+        Numbers that mean "no range", as the file holds them, before they are scaled.
 
     Returns
     -------
     LogTable
         ``t_s`` in seconds, ``anchor_id``, ``range_m`` in metres, powers in dBm.
+    list of str
+        Notes on how the file was read and what was left out.
 
     Raises
     ------
     InputError
-        Like :func:`read_trajectory`; and if there is no range.
+        Like :func:`read_trajectory`; and if there is no range, or there are ranges of several tags.
     """
-    if columns.anchors is None:
-        return _read(path, _columns(columns), {"anchor_id": Kind.TEXT}, stamps)
-    anchors = {f"anchor {k}": _column(c) for k, c in enumerate(columns.anchors.values())}
-    wide = _read(path, {"t_s": _column(columns.t_s), **anchors}, {}, stamps)
+    where = {} if where is None else where
+    mapped = _columns(columns)
+    if columns.anchors is not None:
+        mapped = {f"anchor {k}": _column(c) for k, c in enumerate(columns.anchors.values())}
+        mapped = {"t_s": _column(columns.t_s), **mapped}
+    kinds = _kinds(path, mapped)
+    choices = {name: Kind.ANYTHING for name in where if name not in kinds}
+    tags = [name for name in tag_columns(read_names(path)) if name not in kinds]
+    table = read_table(path, kinds | choices, dict.fromkeys(tags, Kind.ANYTHING))
+    _check_where(table, where)
+    kept = rows_where(table, where)
+    check_one_tag(table, tags, kept, "this file's entry in gaia.yaml")
+    notes = table.notes()
+    if not kept.all():
+        notes.append(f"{path.name}: {counted(int(kept.sum()), 'row')} of {len(table):,} by where")
+    log = _log_table(table, mapped, stamps, missing).take(kept)
+    n_missing = sum(int(np.isnan(log[name]).sum()) for name in mapped if _is_range(name))
+    log = _without_gaps(log) if columns.anchors is None else _unfold(log, columns.anchors)
+    if n_missing:
+        numbers = f" (empty, or {', '.join(f'{m:g}' for m in missing)})" if missing else ""
+        notes.append(f"{path.name}: skipped {counted(n_missing, 'cell')} without a range{numbers}")
+    return log, notes
+
+
+def _without_gaps(log: LogTable) -> LogTable:
+    """Return the rows that have a range."""
+    there = np.isfinite(log["range_m"])
+    if not there.any():
+        raise log.error("contains no ranges", column="range_m")
+    return log if there.all() else log.take(there)
+
+
+def _unfold(wide: LogTable, anchors: Mapping[str, str | Column]) -> LogTable:
+    """Return a table with one column per anchor as one with a range per row."""
     parts = []
-    for name, anchor_id in zip(anchors, columns.anchors, strict=True):
+    for k, anchor_id in enumerate(anchors):
+        name = f"anchor {k}"
         kept = wide.take(np.isfinite(wide[name]))
         if not len(kept):
             continue
@@ -145,8 +239,14 @@ def read_ranges(path: Path, columns: RangeColumns, stamps: StampOptions) -> LogT
         names = {"t_s": wide.names["t_s"], "range_m": wide.names[name]}
         parts.append(replace(kept, columns=values, labels=labels, names=names))
     if not parts:
-        raise InputError("contains no ranges in the columns of the anchors", source=path)
+        raise InputError("contains no ranges in the columns of the anchors", source=wide.path)
     return join(parts)
+
+
+def _check_where(table: Table, where: Mapping[str, Value | Sequence[Value]]) -> None:
+    for name in where:
+        if name not in table.labels:
+            raise InputError("where cannot use a column of numbers", source=table.path, column=name)
 
 
 def _column(given: str | Column) -> Column:
@@ -156,52 +256,88 @@ def _column(given: str | Column) -> Column:
 def _columns(columns: Settings) -> dict[str, Column]:
     """Return our name -> column, for what is mapped."""
     given = ((name, getattr(columns, name)) for name in type(columns).model_fields)
-    return {name: _column(column) for name, column in given if column is not None}
+    return {
+        name: _column(column)
+        for name, column in given
+        if column is not None and not isinstance(column, dict)
+    }
 
 
-def _read(
-    path: Path, columns: Mapping[str, Column], kinds: Mapping[str, Kind], stamps: StampOptions
+def _kinds(path: Path, columns: Mapping[str, Column]) -> dict[str, Kind]:
+    """Return what each of the file's columns must hold."""
+    kinds: dict[str, Kind] = {}
+    for name, column in columns.items():
+        kind = Kind.TEXT if column.iso else _kind(name)
+        for theirs in column.names:
+            if kinds.setdefault(theirs, kind) is not kind:
+                raise InputError(
+                    "is mapped twice: as text and as a number", source=path, column=name
+                )
+    return kinds
+
+
+def _log_table(
+    table: Table,
+    columns: Mapping[str, Column],
+    stamps: StampOptions,
+    missing: Sequence[float | int] = (),
 ) -> LogTable:
     """Return the mapped columns under our names and in our units."""
-    wanted: dict[str, Kind] = {}
-    for name, column in columns.items():
-        kind = Kind.TEXT if column.iso else kinds.get(name, _kind(name))
-        if wanted.setdefault(column.column, kind) is not kind:
-            raise InputError("is mapped twice: as text and as a number", source=path, column=name)
-    table = read_table(path, wanted)
-    ours = {name: _values(table, name, column, stamps) for name, column in columns.items()}
-    labels = {"anchor_id": table.labels[columns["anchor_id"].column]} if kinds else {}
+    ours = {name: _values(table, name, column, stamps, missing) for name, column in columns.items()}
+    ids = columns.get("anchor_id")
+    first_row = 1 if table.dialect is None else table.dialect.header_row + 1
     return LogTable(
-        path=path,
+        path=table.path,
         columns=ours,
-        labels=labels,
+        labels={} if ids is None else {"anchor_id": table.labels[ids.names[0]]},
         unknown=table.unknown,
-        number=np.arange(len(table), dtype=np.int64) + (1 if path.suffix == ".parquet" else 2),
+        number=np.arange(len(table), dtype=np.int64) + first_row,
         origin=np.zeros(len(table), np.int64),
-        origins=(f"{path}, row",),
-        names={name: column.column for name, column in columns.items()},
+        origins=(f"{table.path}, row",),
+        names={name: " and ".join(column.names) for name, column in columns.items()},
     )
 
 
+def _is_range(name: str) -> bool:
+    return name.startswith(("range_m", "anchor ")) and name != "anchor_id"
+
+
 def _kind(name: str) -> Kind:
-    optional = name.startswith(("rssi", "anchor "))
-    return Kind.OPTIONAL if optional else Kind.NUMBER
+    if name == "anchor_id":
+        return Kind.TEXT
+    return Kind.OPTIONAL if name.startswith("rssi") or _is_range(name) else Kind.NUMBER
 
 
-def _values(table: Table, name: str, column: Column, stamps: StampOptions) -> Array:
-    values = table[column.column]
+def _values(
+    table: Table, name: str, column: Column, stamps: StampOptions, missing: Sequence[float | int]
+) -> Array:
+    if column.iso:
+        return _seconds(table, column, stamps)
+    values = table[column.names[0]]
     if name == "anchor_id":
         return values
-    if not column.iso:
-        with np.errstate(over="ignore"):  # what comes out as infinite is refused as such
-            return values if column.scale == 1 else np.asarray(values * column.scale)
-    if name != "t_s":
-        raise InputError("iso is for t_s only", source=table.path, column=column.column)
-    reader = Stamps(stamps)
-    seconds = [reader.iso_s(text) for text in table.labels[column.column]]
+    if missing and _is_range(name):
+        for number in missing:  # floats of 32 bits hold 65.535 to 7 digits only
+            placeholder = np.abs(values - number) <= 1e-7 * abs(number)
+            values = np.where(placeholder, np.nan, values)
+    with np.errstate(over="ignore"):  # what comes out as infinite is refused as such
+        return values if column.scale == 1 else np.asarray(values * column.scale)
+
+
+def _seconds(table: Table, column: Column, stamps: StampOptions) -> Array:
+    """Return the dates and times of one or two columns, in seconds since 1970."""
+    name = column.names[0]
+    codes, texts = table[name], list(table.labels[name])
+    if column.columns is not None:
+        times = table.labels[column.names[1]]
+        pairs, codes = np.unique(codes * len(times) + table[column.names[1]], return_inverse=True)
+        texts = [f"{texts[pair // len(times)]} {times[pair % len(times)]}" for pair in pairs]
+    order = stamps.date_order
+    seconds = [seconds_of(text, utc_offset_h=stamps.utc_offset_h, order=order) for text in texts]
     if None in seconds:
-        index = int(np.argmax(values == seconds.index(None)))
-        text = table.labels[column.column][seconds.index(None)]
-        problem = f"expected an ISO date and time, got {text[:40]!r}"
-        raise table.error(problem, index=index, column=column.column)
-    return np.array(seconds, np.float64)[values]
+        wrong = seconds.index(None)
+        index = int(np.argmax(codes == wrong))
+        text = texts[wrong]
+        problem = f"expected an ISO date and time, got {text[:40]!r}{way_out(text, order)}"
+        raise table.error(problem, index=index, column=name)
+    return np.array(seconds, np.float64)[codes]

@@ -158,7 +158,7 @@ class _Reader:
                 table, notes = read_nmea(self._path(given.file), given.stamps, given.clock)
             case CsvTrajectory() as given:
                 path = self._path(given.file)
-                table, notes = csv_map.read_trajectory(path, given.columns, given.stamps), []
+                table, notes = csv_map.read_trajectory(path, given.columns, given.stamps)
         self._notes += notes
         table, notes = tidy(table)
         self._notes += notes
@@ -190,7 +190,9 @@ class _Reader:
                 table, notes = log.ranges(given.topic, given.fields, given.clock), log.notes
             case CsvRanges():
                 path = self._path(given.file)
-                table, notes = csv_map.read_ranges(path, given.columns, given.stamps), []
+                table, notes = csv_map.read_ranges(
+                    path, given.columns, given.stamps, where=given.where, missing=given.missing
+                )
             case SerialRanges():
                 table, notes = read_serial(
                     self._path(given.file),

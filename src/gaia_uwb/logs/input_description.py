@@ -79,6 +79,10 @@ class CsvRanges(_File):
 
     format: Literal["csv"]
     columns: RangeColumns
+    where: Where = Field(default_factory=dict)
+    """Which rows count: column -> the value that it must have, or one of several."""
+    missing: Missing = Field(default_factory=list)
+    """Numbers that mean "no range", as the file holds them, before they are scaled."""
     stamps: StampOptions = StampOptions()
 
 
