@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -133,6 +134,12 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
         load_config(tmp_path / "nowhere.yaml")
     with pytest.raises(ConfigError, match="cannot read settings"):
         load_config(tmp_path)
+
+
+def test_a_pipe_is_no_settings_file_and_does_not_hang(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.yaml")
+    with pytest.raises(ConfigError, match=r"cannot read settings: .*not a regular file"):
+        load_config(tmp_path / "pipe.yaml")
 
 
 @pytest.mark.parametrize(

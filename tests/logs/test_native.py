@@ -385,3 +385,6 @@ def test_a_pipe_or_a_broken_link_is_told_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "ranges.csv")
     with pytest.raises(InputError, match=r"ranges\.csv: is not a regular file"):
         read_native(tmp_path)
+    os.mkfifo(tmp_path / "scene.yaml")
+    with pytest.raises(InputError, match=r"scene\.yaml: cannot be read: .*not a regular file"):
+        read_native(tmp_path)

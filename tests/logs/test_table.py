@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import io
 import os
 from pathlib import Path
 
@@ -154,8 +155,28 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.csv: cannot be read: No such file"):
         read_table(tmp_path / "none.csv", KINDS)
     (tmp_path / "folder.csv").mkdir()
-    with pytest.raises(InputError, match="is not a regular file"):
+    with pytest.raises(InputError, match="cannot be read: it is not a regular file"):
         read_table(tmp_path / "folder.csv", KINDS)
+
+
+def test_a_pipe_is_refused_and_does_not_hang(tmp_path: Path) -> None:
+    for name in ("log.csv", "log.parquet"):
+        os.mkfifo(tmp_path / name)
+        with pytest.raises(InputError, match="it is not a regular file"):
+            read_table(tmp_path / name, KINDS)
+
+
+def test_a_file_may_have_any_name(tmp_path: Path) -> None:
+    for name in (b"\xff.csv", b"[ab]*.csv", b"\xff.parquet"):
+        path = tmp_path / os.fsdecode(name)
+        frame = pl.DataFrame({"t": [1.5], "id": ["a"]})
+        content = io.BytesIO()
+        if path.suffix == ".csv":
+            frame.write_csv(content)
+        else:
+            frame.write_parquet(content)
+        path.write_bytes(content.getvalue())
+        assert read_table(path, KINDS)["t"].tolist() == [1.5]
 
 
 def test_error_names_the_row_of_the_file(tmp_path: Path) -> None:

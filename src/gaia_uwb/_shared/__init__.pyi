@@ -40,6 +40,11 @@ from .files import (
 )
 from .html import Mark as Mark, sketch as sketch, summary as summary
 from .levels import CHI_SQUARE_90 as CHI_SQUARE_90, SIGMAS_90 as SIGMAS_90
+from .reading import (
+    open_regular as open_regular,
+    paths_below as paths_below,
+    read_regular as read_regular,
+)
 from .strict_yaml import MAX_BYTES as MAX_BYTES, YamlError as YamlError, read_yaml as read_yaml
 from .symmetric import Symmetric as Symmetric
 from .text import (

@@ -18,6 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from gaia_uwb._shared.reading import open_regular
 from gaia_uwb._shared.text import shown
 
 MAX_BYTES = 2**18
@@ -49,11 +50,11 @@ def read_yaml(path: Path, *, most_bytes: int = MAX_BYTES) -> Any:
     Raises
     ------
     OSError
-        If the file cannot be read.
+        If the file cannot be read, or is not a regular file.
     YamlError
         If it is too large, not UTF-8, or not what :func:`parse_yaml` takes.
     """
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         content = file.read(most_bytes + 1)
     if len(content) > most_bytes:
         raise YamlError(f"larger than {most_bytes:,} bytes")

@@ -171,8 +171,10 @@ def _simulate_episodes(
 
 def _text_in(path: Path) -> str | None:
     """Return a file's text; None if it cannot be read."""
+    from gaia_uwb._shared import MAX_BYTES, read_regular
+
     try:
-        return path.read_text(encoding="utf-8")
+        return read_regular(path, most_bytes=MAX_BYTES).decode()
     except (OSError, UnicodeDecodeError):
         return None
 

@@ -23,7 +23,15 @@ from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
 
-from gaia_uwb._shared import GaiaError, InputError, OutputFolder, SourceError, shown, visible
+from gaia_uwb._shared import (
+    GaiaError,
+    InputError,
+    OutputFolder,
+    SourceError,
+    read_regular,
+    shown,
+    visible,
+)
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.scene import Scene
 
@@ -164,7 +172,8 @@ def _can_name_a_folder(name: str) -> bool:
 
 def _csv_manifest(source: Path) -> dict[str, list[str]]:
     try:
-        rows = list(csv.DictReader(io.StringIO(source.read_text(encoding="utf-8-sig"))))
+        text = read_regular(source, most_bytes=_MAX_MANIFEST_BYTES).decode("utf-8-sig")
+        rows = list(csv.DictReader(io.StringIO(text, newline="")))
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"cannot read this manifest: {error}", source=source) from error
     zones: dict[str, list[str]] = {}
@@ -246,7 +255,7 @@ def reconstruct_zone(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> Zo
     except GaiaError as error:
         return ZoneResult.failed(zone, str(error))
     try:
-        done = json.loads((folder / _DONE).read_text(encoding="utf-8"))
+        done = json.loads(read_regular(folder / _DONE, most_bytes=_MAX_MANIFEST_BYTES))
         if done["digest"] == digest:
             failures = tuple(Failure(**row) for row in done["result"].pop("failures"))
             return ZoneResult(**done["result"], failures=failures)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from itertools import count, islice
 from pathlib import Path
 
-from gaia_uwb._shared import InputError
+from gaia_uwb._shared import InputError, open_regular
 
 BLANKS = " "
 """The separator of tables whose cells stand apart by any number of blanks and tabs."""
@@ -165,7 +165,7 @@ def _encoding(path: Path) -> tuple[str, str]:
     if path.exists() and not path.is_file():  # a pipe would wait for ever
         raise InputError("is not a regular file", source=path)
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(2**16)
     except ValueError as error:
         raise InputError(f"is not a valid file name: {error}", source=path) from error
@@ -176,7 +176,7 @@ def _encoding(path: Path) -> tuple[str, str]:
 
 def _lines(path: Path, dialect: Dialect) -> Iterator[tuple[int, str]]:
     """Yield number and text of a file's lines, without the mark at its start."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         plain = dialect.encoding == "utf-8" and dialect.line_end == "\n"
         source = file if plain else io.TextIOWrapper(file, dialect.encoding, newline=None)
         for row in count(1):

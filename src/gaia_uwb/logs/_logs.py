@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gaia_uwb._shared import Array, InputError, Int64, counted
+from gaia_uwb._shared import Array, InputError, Int64, counted, open_regular
 from gaia_uwb.logs._table import MAX_ROWS, Table
 
 MAX_ANCHORS = 4096
@@ -223,7 +223,7 @@ def read_lines(path: Path) -> Iterator[tuple[int, str]]:
     """
     check_file(path, MAX_TEXT_BYTES)
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             number = 0
             while line := file.readline(_MAX_LINE_BYTES):
                 number += 1

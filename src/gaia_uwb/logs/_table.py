@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from gaia_uwb._shared import Array, InputError, Int64
+from gaia_uwb._shared import Array, InputError, Int64, open_regular
 from gaia_uwb.logs._cells import NOTHING, Kind, find_row, find_wrong_cell
 from gaia_uwb.logs._dialect import SEPARATOR_WORDS, Dialect, sniff, table_lines
 
@@ -240,8 +240,9 @@ def _collect(
         # Cast here, chunk by chunk, and not by polars' CSV reader: that one panics on a cell that
         # is a single quote, with a stack trace on stderr.
         values[name] = pl.when(stripped != "").then(stripped).cast(dtype)
-    with read_errors(path):
-        scan = pl.scan_csv(path, separator=dialect.delimiter, infer_schema=False).select(**values)
+    # polars gets the open file: names that are not UTF-8, or that hold an asterisk, upset it.
+    with read_errors(path), open_regular(path) as file:
+        scan = pl.scan_csv(file, separator=dialect.delimiter, infer_schema=False).select(**values)
         return scan.filter(~pl.all_horizontal(pl.all().is_null())).collect(engine="streaming")
 
 
@@ -250,7 +251,7 @@ def _check_length(path: Path) -> None:
     if path.stat().st_size <= _CHUNK_BYTES:
         return
     n_rows = 0
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         while chunk := file.read(_CHUNK_BYTES):
             n_lines = chunk.count(b"\n")
             if not n_lines and len(chunk) == _CHUNK_BYTES:
@@ -281,14 +282,15 @@ def _read_parquet(path: Path, kinds: Mapping[str, Kind]) -> Any:
         else pl.col(name).cast(dtype)
         for name, dtype in _polars_types(kinds).items()
     ]
-    scan = pl.scan_parquet(path)
-    n_rows = int(scan.select(pl.len()).collect().item())
-    _check_n_rows(path, n_rows)
-    if n_rows > _FEW_ROWS + path.stat().st_size:
-        raise InputError(
-            f"declares {n_rows:,} rows, more than a file of its size can hold", source=path
-        )
-    frame = scan.select(casts).collect(engine="streaming")
+    with open_regular(path) as file:
+        scan = pl.scan_parquet(file)
+        n_rows = int(scan.select(pl.len()).collect().item())
+        _check_n_rows(path, n_rows)
+        if n_rows > _FEW_ROWS + path.stat().st_size:
+            raise InputError(
+                f"declares {n_rows:,} rows, more than a file of its size can hold", source=path
+            )
+        frame = scan.select(casts).collect(engine="streaming")
     if refused := _first_refused(frame, kinds):
         name, index = refused
         value = frame[name][index]
@@ -304,7 +306,8 @@ def _is_parquet(path: Path) -> bool:
 def _parquet_schema(path: Path) -> dict[str, Any]:
     import polars as pl
 
-    return dict(pl.read_parquet_schema(path))
+    with open_regular(path) as file:
+        return dict(pl.read_parquet_schema(file))
 
 
 def _fits(dtype: Any, kind: Kind) -> bool:

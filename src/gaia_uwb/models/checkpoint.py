@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from gaia_uwb._shared import Array, ConfigError
+from gaia_uwb._shared import Array, ConfigError, read_regular
 from gaia_uwb.models.description import (
     SCHEMA,
     GaiaSetArchitecture,
@@ -228,8 +228,6 @@ def unpack(content: bytes, source: str) -> dict[str, Array]:
 
 def _read(path: Path) -> bytes:
     try:
-        if path.stat().st_size > _LARGEST_BYTES:
-            raise ConfigError(f"{path}: too large for a model's file")
-        return path.read_bytes()
+        return read_regular(path, most_bytes=_LARGEST_BYTES)
     except OSError as error:
         raise ConfigError(f"{path}: cannot read this file: {error.strerror or error}") from error

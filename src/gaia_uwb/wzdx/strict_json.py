@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NoReturn
 
-from gaia_uwb._shared import InputError, shown
+from gaia_uwb._shared import InputError, open_regular, shown
 
 LARGEST_BYTES = 25_000_000
 """A larger file is refused: parsed, JSON may take thirty times its size."""
@@ -36,12 +36,10 @@ def read_json(path: Path) -> Any:
         key in an object, or holds NaN or a number that is not finite.
     """
     try:
-        if path.exists() and not path.is_file():
-            raise InputError("is not a regular file", source=path)
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             content = file.read(LARGEST_BYTES + 1)
-    except (OSError, ValueError) as error:  # a ValueError: a zero byte in the path
-        reason = getattr(error, "strerror", None) or str(error)
+    except OSError as error:
+        reason = error.strerror or str(error)
         raise InputError(f"cannot read this file: {reason}", source=path) from error
     if len(content) > LARGEST_BYTES:
         raise InputError(f"larger than {LARGEST_BYTES // 10**6} MB", source=path)
