@@ -40,11 +40,19 @@ from .files import (
 )
 from .html import Mark as Mark, sketch as sketch, summary as summary
 from .levels import CHI_SQUARE_90 as CHI_SQUARE_90, SIGMAS_90 as SIGMAS_90
+from .problems import (
+    FAULT as FAULT,
+    FAULTS_LOG as FAULTS_LOG,
+    Problem as Problem,
+    faults_text as faults_text,
+    problem_of as problem_of,
+)
 from .reading import (
     open_regular as open_regular,
     paths_below as paths_below,
     read_regular as read_regular,
 )
+from .spreadsheet import Cell as Cell, csv_text as csv_text
 from .strict_yaml import MAX_BYTES as MAX_BYTES, YamlError as YamlError, read_yaml as read_yaml
 from .symmetric import Symmetric as Symmetric
 from .text import (
