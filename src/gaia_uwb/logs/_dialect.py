@@ -162,13 +162,8 @@ def table_lines(path: Path, dialect: Dialect) -> Iterator[str]:
 
 def _encoding(path: Path) -> tuple[str, str]:
     """Return the encoding and the line end of a file's first bytes."""
-    if path.exists() and not path.is_file():  # a pipe would wait for ever
-        raise InputError("is not a regular file", source=path)
-    try:
-        with open_regular(path) as file:
-            start = file.read(2**16)
-    except ValueError as error:
-        raise InputError(f"is not a valid file name: {error}", source=path) from error
+    with open_regular(path) as file:
+        start = file.read(2**16)
     encoding = _MARKS.get(start[:2], "utf-8")
     text = start.decode(encoding, "replace")
     return encoding, "\r" if "\r" in text and "\n" not in text else "\n"
