@@ -1,3 +1,4 @@
+from .antimeridian import cut_at_antimeridian as cut_at_antimeridian
 from .geojson import (
     Json as Json,
     boundary_geojson as boundary_geojson,

@@ -18,22 +18,24 @@ role          geometry    what it is
 
 An ``(M)Polygon`` is a Polygon or, in several pieces, a MultiPolygon; ``uncertainty.py``
 defines both regions. Coordinates are WGS84 longitude and latitude with nine decimals (0.1 mm),
-exterior rings run counter-clockwise, holes clockwise. Where the scene's place on Earth is unknown,
-no valid coordinates exist: they are then east and north in metres, and the member
-``gaia.coordinates`` says so.
+exterior rings run counter-clockwise, holes clockwise. Lines and polygons across the 180th meridian
+are cut there into a MultiLineString or a MultiPolygon, and the collection's ``bbox`` then runs from
+a west above 0 to an east below 0. Where the scene's place on Earth is unknown, no valid coordinates
+exist: they are then east and north in metres, and the member ``gaia.coordinates`` says so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from gaia_uwb._shared import Array, Float64
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, Boundary, BoundaryStatus
+from gaia_uwb.outputs.antimeridian import bounding_box, cut_at_antimeridian
 from gaia_uwb.projection import to_geodetic
 from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.scene import LocalFrame
@@ -156,20 +158,27 @@ def boundary_geojson(reconstruction: Reconstruction, *, local: bool = False) -> 
     """
     frame = None if local else reconstruction.episode.frame
     writer = _Writer(frame)
+    features: list[dict[str, Any]] = [
+        *(writer.path(episode) for episode, _ in reconstruction.passes),
+        *writer.uncertainty(reconstruction.boundary_uncertainty, "outer"),
+        *writer.boundary(reconstruction.boundary, reconstruction.episode.anchor_ids),
+        *writer.uncertainty(reconstruction.boundary_uncertainty, "inner"),
+        *writer.anchors(reconstruction.anchors),
+    ]
+    box: Json = {}
+    if frame is not None:
+        shapes = [cut_at_antimeridian(feature["geometry"]) for feature in features]
+        features = [f | {"geometry": s} for f, s in zip(features, shapes, strict=True)]
+        box = {"bbox": bounding_box(shapes)}
     return {
         "type": "FeatureCollection",
+        **box,
         "gaia": {
             "coordinates": LOCAL if frame is None else WGS84,
             "scene": reconstruction.name,
             "status": reconstruction.status.value,
         },
-        "features": [
-            *(writer.path(episode) for episode, _ in reconstruction.passes),
-            *writer.uncertainty(reconstruction.boundary_uncertainty, "outer"),
-            *writer.boundary(reconstruction.boundary, reconstruction.episode.anchor_ids),
-            *writer.uncertainty(reconstruction.boundary_uncertainty, "inner"),
-            *writer.anchors(reconstruction.anchors),
-        ],
+        "features": features,
     }
 
 

@@ -20,13 +20,23 @@ from collections.abc import Sequence
 from contextlib import closing
 from typing import Any
 
+import numpy as np
+
+from gaia_uwb.outputs.antimeridian import bounding_box
 from gaia_uwb.outputs.geojson import WGS84, Json
 
 _APPLICATION_ID = 0x47504B47  # "GPKG"
 _VERSION = 10300
+_WGS84_ID = 4326
 _CHANGED = "2000-01-01T00:00:00.000Z"  # asked for by the standard; one log gives one file
-_TYPES = {"Point": "POINT", "LineString": "LINESTRING", "Polygon": "MULTIPOLYGON"}
-_TYPES["MultiPolygon"] = _TYPES["Polygon"]
+# One type per layer, so that of everything but points there may be several pieces.
+_TYPES = {
+    "Point": "POINT",
+    "LineString": "MULTILINESTRING",
+    "MultiLineString": "MULTILINESTRING",
+    "Polygon": "MULTIPOLYGON",
+    "MultiPolygon": "MULTIPOLYGON",
+}
 _COLUMNS = {str: "TEXT", float: "REAL", int: "INTEGER", bool: "BOOLEAN"}
 
 _TABLES = """
@@ -54,7 +64,7 @@ _WGS84_WKT = (
 _SYSTEMS = [
     ("Undefined Cartesian SRS", -1, "NONE", -1, "undefined", None),
     ("Undefined geographic SRS", 0, "NONE", 0, "undefined", None),
-    ("WGS 84 geodetic", 4326, "EPSG", 4326, _WGS84_WKT, "longitude/latitude in degrees"),
+    ("WGS 84 geodetic", _WGS84_ID, "EPSG", _WGS84_ID, _WGS84_WKT, "longitude/latitude in degrees"),
 ]
 
 
@@ -67,7 +77,7 @@ def geopackage(collection: Json) -> bytes:
         From :func:`gaia_uwb.outputs.boundary_geojson`.
     """
     content: Any = collection
-    system = 4326 if content["gaia"]["coordinates"] == WGS84 else -1
+    system = _WGS84_ID if content["gaia"]["coordinates"] == WGS84 else -1
     layers: dict[str, list[Any]] = {}
     for feature in content["features"]:
         layers.setdefault(feature["properties"]["role"], []).append(feature)
@@ -105,11 +115,13 @@ def _add_layer(
         values = [_plain(feature["properties"].get(name)) for name in columns]
         statement = f'INSERT INTO "{role}" ({names}) VALUES ({marks})'  # noqa: S608 - our names
         database.execute(statement, [blob, *values])
-    low = [min(box[k] for box in boxes) for k in (0, 1)]
-    high = [max(box[k] for box in boxes) for k in (2, 3)]
+    extent = [*np.min(boxes, axis=0)[:2].tolist(), *np.max(boxes, axis=0)[2:].tolist()]
+    if system == _WGS84_ID:
+        # As in the GeoJSON, west exceeds east across the 180th meridian: -180 to 180 is the globe.
+        extent = bounding_box([feature["geometry"] for feature in features])
     database.execute(
         "INSERT INTO gpkg_contents VALUES (?, 'features', ?, '', ?, ?, ?, ?, ?, ?)",
-        [role, role, _CHANGED, *low, *high, system],
+        [role, role, _CHANGED, *extent, system],
     )
     kind = _TYPES[features[0]["geometry"]["type"]]
     database.execute(
@@ -126,8 +138,10 @@ def _geometry(geometry: Any, system: int) -> tuple[bytes, tuple[float, float, fl
     kind, coordinates = geometry["type"], geometry["coordinates"]
     if kind == "Point":
         body, points = struct.pack("<BI2d", 1, 1, *coordinates), [coordinates]
-    elif kind == "LineString":
-        body, points = struct.pack("<BI", 1, 2) + _positions(coordinates), coordinates
+    elif _TYPES[kind] == "MULTILINESTRING":
+        lines = [coordinates] if kind == "LineString" else coordinates
+        points = [point for line in lines for point in line]
+        body = struct.pack("<BII", 1, 5, len(lines)) + b"".join(map(_line, lines))
     else:
         polygons = [coordinates] if kind == "Polygon" else coordinates
         points = [point for polygon in polygons for ring in polygon for point in ring]
@@ -138,6 +152,10 @@ def _geometry(geometry: Any, system: int) -> tuple[bytes, tuple[float, float, fl
     flags, envelope = (1, b"") if kind == "Point" else (3, struct.pack(
         "<4d", box[0], box[2], box[1], box[3]))  # fmt: skip
     return struct.pack("<2sBBi", b"GP", 0, flags, system) + envelope + body, box
+
+
+def _line(positions: Any) -> bytes:
+    return struct.pack("<BI", 1, 2) + _positions(positions)
 
 
 def _polygon(rings: Any) -> bytes:

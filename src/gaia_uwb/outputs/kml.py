@@ -66,11 +66,17 @@ def _placemark(feature: Any) -> Iterator[str]:
     if kind == "Point":
         yield f"<Point>{_coordinates([coordinates])}</Point>"
     elif kind == "LineString":
-        yield f"<LineString><tessellate>1</tessellate>{_coordinates(coordinates)}</LineString>"
+        yield _line(coordinates)
+    elif kind == "MultiLineString":
+        yield f"<MultiGeometry>{''.join(map(_line, coordinates))}</MultiGeometry>"
     else:
         polygons = [coordinates] if kind == "Polygon" else coordinates
         yield f"<MultiGeometry>{''.join(map(_polygon, polygons))}</MultiGeometry>"
     yield "</Placemark>"
+
+
+def _line(positions: Any) -> str:
+    return f"<LineString><tessellate>1</tessellate>{_coordinates(positions)}</LineString>"
 
 
 def _polygon(rings: Any) -> str:
