@@ -322,3 +322,19 @@ def test_what_a_locating_denoiser_found_is_no_evidence_of_places_to_the_solver()
         for name in ("gaia-set", "raw")
     ]
     assert str(alone[0]) == str(alone[1])
+
+
+def test_what_the_reader_noted_and_found_reaches_the_result():
+    scene = replace(make_scene(), notes=("uwb.csv: 3 rows left out",))
+    result = reconstruct(scene)
+    assert (result.status, result.notes) == (ReconstructionStatus.OK, scene.notes)
+    result = reconstruct(replace(scene, problems=("uwb.csv, row 7: time jumps back",)))
+    assert result.status is ReconstructionStatus.UNRELIABLE
+    (reason,) = result.reasons
+    assert (reason.kind, str(reason)) == (ReasonKind.LOG, "uwb.csv, row 7: time jumps back")
+
+
+def test_notes_of_several_passes_name_their_pass():
+    far, near = make_scene(seed=1), replace(make_scene(seed=2, bend_m=-3.0), name="near")
+    result = reconstruct([replace(far, notes=("late",)), replace(near, notes=("short", "wet"))])
+    assert result.notes == ("drive: late", "near: short", "near: wet")

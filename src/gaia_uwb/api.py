@@ -165,7 +165,7 @@ def load_scenes(source: str | Path, *, data_dir: Path | None = None) -> list[Sce
     gaia_uwb.SourceError: no-such-place: neither a folder nor one of outdoor-uwb, sim
     """
     if isinstance(source, Path):
-        return [read_log(path)[0] for path in logs_of(str(source))]
+        return [read_log(path) for path in logs_of(str(source))]
     name, _, part = source.partition(":")
     if name == SIMULATOR:
         from gaia_uwb.simulate import load
@@ -176,7 +176,7 @@ def load_scenes(source: str | Path, *, data_dir: Path | None = None) -> list[Sce
             dataset_folder(name, data_dir), part
         )
         return scenes
-    return [read_log(path)[0] for path in logs_of(source)]
+    return [read_log(path) for path in logs_of(source)]
 
 
 def load_readable(
@@ -207,13 +207,13 @@ def load_readable(
     errors: list[GaiaError] = []
     for path in logs_of(source):
         try:
-            scenes.append(read_log(path)[0])
+            scenes.append(read_log(path))
         except (InputError, ConfigError) as error:
             errors.append(error)
     return scenes, errors
 
 
-def read_log(path: Path) -> tuple[Scene, tuple[str, ...]]:
+def read_log(path: Path) -> Scene:
     """Read the log at a place, of whatever kind it is.
 
     Parameters
@@ -223,15 +223,15 @@ def read_log(path: Path) -> tuple[Scene, tuple[str, ...]]:
 
     Returns
     -------
-    (Scene, tuple of str)
-        The log, and notes on what was skipped or guessed.
+    Scene
+        The log; its ``notes`` say what was skipped or guessed.
 
     Raises
     ------
     InputError, ConfigError
         If the data or their description are wrong.
     """
-    return read_described(path) if is_described(path) else read_with_notes(path)
+    return (read_described(path) if is_described(path) else read_with_notes(path))[0]
 
 
 def logs_of(source: str) -> list[Path]:

@@ -23,6 +23,7 @@ from gaia_uwb._shared import (
     check_shape,
     freeze,
 )
+from gaia_uwb.estimate import Reason
 from gaia_uwb.scene import LocalFrame
 
 
@@ -213,6 +214,10 @@ class Episode:
         What the calibration found of the radios' errors; its bias is subtracted from ``range_m``.
     truth
         The truth on this timeline, for scores only.
+    notes
+        What the log's reader took, guessed and left out.
+    problems
+        What makes every result of this log unreliable.
 
     Raises
     ------
@@ -233,6 +238,8 @@ class Episode:
     clock: ClockOffset | None = None
     calibration: RangeCalibration | None = None
     truth: EpisodeTruth | None = field(default=None, repr=False)
+    notes: tuple[str, ...] = ()
+    problems: tuple[Reason, ...] = ()
 
     def __post_init__(self) -> None:
         where = self.name

@@ -55,6 +55,7 @@ _MESSAGES = {
 class ReasonKind(StrEnum):
     """What may make a result unreliable, or limit it; programs use this, never the text."""
 
+    LOG = "log"
     CLOCK = "clock"
     MISFIT = "misfit"
     RANGE_BIAS = "range-bias"

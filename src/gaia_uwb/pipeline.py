@@ -273,7 +273,8 @@ def _decide(
 
 
 def _log_reasons(episode: Episode, config: PipelineConfig) -> Iterator[Reason]:
-    """Say what is wrong with the whole log: its clocks, or the size of its errors."""
+    """Say what is wrong with the whole log: its reading, clocks, or the size of its errors."""
+    yield from episode.problems
     clock, found = episode.clock, episode.calibration
     if clock is not None and (
         clock.sigma_s > config.alignment.clock_offset_sigma_s

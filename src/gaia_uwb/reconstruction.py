@@ -92,6 +92,15 @@ class Reconstruction:
         return ((self.episode, self.denoised), *self.more_passes)
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What the readers of the logs took, guessed and left out; of several, with their names."""
+        return tuple(
+            f"{episode.name}: {note}" if self.more_passes else note
+            for episode, _ in self.passes
+            for note in episode.notes
+        )
+
+    @property
     def stated(self) -> tuple[str, ...]:
         """What was stated about the zone beforehand and used in the result, in words."""
         words = said_words(self.config.prior)

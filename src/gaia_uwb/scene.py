@@ -247,6 +247,12 @@ class Scene:
         Ties the local frame to WGS84, where known.
     truth
         The survey or the simulator's truth, for scores only.
+    notes
+        What the reader took, guessed and left out, a sentence each; they stay with the log up to
+        its result.
+    problems
+        What the reader found that will spoil a result, a sentence each: no result of this log is
+        reliable.
 
     Raises
     ------
@@ -261,6 +267,8 @@ class Scene:
     anchor_up_m: Float64[Array, "N"] | None = None
     frame: LocalFrame | None = None
     truth: Truth | None = field(default=None, repr=False)
+    notes: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_ids(self.anchor_ids, source=self.name)

@@ -186,7 +186,7 @@ def test_notes_what_is_unknown() -> None:
     drive = make_scene().trajectory
     gappy = Trajectory(drive.t_s[keep], drive.position_m[keep])
     scene = make_scene(trajectory=gappy, frame=None, truth=None)
-    assert check_scene(scene, ("ranges.csv: sorted",)).notes == (
+    assert check_scene(replace(scene, notes=("ranges.csv: sorted",))).notes == (
         "ranges.csv: sorted",
         "the trajectory has a gap of 12.6 s",
         "not all heights are known: ranges are treated as horizontal where one is missing",

@@ -252,3 +252,12 @@ def test_a_limit_of_one_pass_names_it_and_a_common_one_is_said_once() -> None:
         assert text.count(line) >= 1
         if line.startswith("- "):
             assert text.count(line) == 1
+
+
+def test_the_notes_of_the_reader_are_shown_as_text_and_left_out_where_there_are_none() -> None:
+    plain = make_reconstruction()
+    noted = replace(plain, episode=replace(plain.episode, notes=("uwb.csv: skipped <b>3</b>",)))
+    assert "How the log was read" not in people_report(plain)
+    assert sections(people_report(noted))["How the log was read"].strip() == (
+        "- uwb.csv: skipped \\<b\\>3\\</b\\>"
+    )

@@ -50,6 +50,7 @@ def test_report_has_every_promised_key() -> None:
     assert report["version"] == version("gaia-uwb")
     assert report["scene"] == "a drive"
     assert (report["status"], report["reasons"]) == ("ok", [])
+    assert report["notes"] == []
     assert report["clock_offset_s"] == 0.18
     assert report["clock_offset"] == {
         "offset_s": 0.18, "sigma_s": 0.01, "applied": True, "reason": "told from 0",

@@ -1,5 +1,9 @@
 from .calibration import calibrate as calibrate
 from .clock import estimate_clock_offset as estimate_clock_offset
+from .contradictions import (
+    contradicted_anchors as contradicted_anchors,
+    contradicting as contradicting,
+)
 from .readings import (
     Pose as Pose,
     Readings as Readings,

@@ -81,6 +81,7 @@ def print_summary(
             f"{n} {metrics[n].value:.3f} {metrics[n].unit}".rstrip() for n in shown if n in metrics
         ]
         lines.append(f"  against the survey: {', '.join(found)}")
+    lines += [f"  note: {note}" for note in result.notes]
     lines += [f"  reason: {reason.text}" for reason in result.reasons]
     lines += [f"  wrote {path}" for path in paths]
     progress.console.file.flush()

@@ -32,11 +32,12 @@ _HEIGHT_M = 0.05  # a range that a height of a metre changes by more counts
 _FAST_MPS = 5.0
 _MISFIT_M = 1.0
 _ADVICE = {
+    ReasonKind.LOG: Advice.CHECK_LOG,
     ReasonKind.STATEMENT: Advice.CHECK_STATEMENT,
     ReasonKind.EXCEPTION: Advice.CHECK_STATEMENT,
     ReasonKind.NOT_ONE_ZONE: Advice.CHECK_PASSES,
 }
-"""What to do about the reasons that are in no log."""
+"""What to do about the reasons that no check of the ranges below finds."""
 
 
 @dataclass(frozen=True)

@@ -13,19 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Bool, Float64, GaiaError, Int64, in_a_line
+from gaia_uwb._shared import Array, Bool, GaiaError, in_a_line
+from gaia_uwb.alignment import contradicting
 from gaia_uwb.evaluate.observability import Observability, observe
 from gaia_uwb.scene import Scene, Trajectory
 
 GAP_S = 0.3
 """Two readings of an anchor further apart than this, and than 2.5 typical steps, have a gap between
 them."""
-
-SPIKE_M = 1.0
-"""A reading further than this from what most of the readings around it predict is a spike."""
-
-_PAIRS, _FEWEST_PAIRS = 7, 3  # of readings before, about and after a reading
-_NEAR_M, _STANDS_M = 0.5, 0.1
 
 PARKED_BELOW_M = 1.0
 """A vehicle whose whole path spans less than this stood still."""
@@ -74,8 +69,8 @@ class AnchorCheck:
     n_gaps, longest_gap_s
         Gaps longer than :data:`GAP_S`, and the longest time between two readings.
     outside_share, negative_share, spike_share, repeat_share
-        Readings outside the trajectory's time, below 0, more than :data:`SPIKE_M` away from their
-        neighbours, and equal to the previous one.
+        Readings outside the trajectory's time, below 0, in contradiction to most of those
+        around them, and equal to the previous one.
     usable_share
         Readings that are none of these.
     rssi_share
@@ -185,15 +180,13 @@ def _anchor_line(a: AnchorCheck) -> str:
     )
 
 
-def check_scene(scene: Scene, notes: tuple[str, ...] = ()) -> CheckReport:
+def check_scene(scene: Scene) -> CheckReport:
     """Check a scene's raw log.
 
     Parameters
     ----------
     scene
-        The log.
-    notes
-        Notes of its loader.
+        The log, with the notes of its reader.
 
     Returns
     -------
@@ -221,8 +214,8 @@ def check_scene(scene: Scene, notes: tuple[str, ...] = ()) -> CheckReport:
         drive=drive,
         anchors=anchors,
         observability=found,
-        problems=(*_problems(drive, anchors), *problems),
-        notes=(*notes, *_notes(scene, drive, anchors), *more),
+        problems=(*scene.problems, *_problems(drive, anchors), *problems),
+        notes=(*scene.notes, *_notes(scene, drive, anchors), *more),
     )
 
 
@@ -249,7 +242,7 @@ def _check_anchor(scene: Scene, index: int) -> AnchorCheck:
     usual_s = float(np.median(step_s)) if step_s.size else np.nan
     outside = (t_s < drive.t_s[0]) | (t_s > drive.t_s[-1])
     negative = range_m < 0
-    spike = _spikes(t_s, range_m, drive)
+    spike = contradicting(t_s, range_m, drive)
     repeat = np.append(False, np.diff(range_m) == 0)[: len(range_m)]
     rssi = np.zeros(len(t_s)) * np.nan if log.rssi_dbm is None else log.rssi_dbm[mine]
     return AnchorCheck(
@@ -265,52 +258,6 @@ def _check_anchor(scene: Scene, index: int) -> AnchorCheck:
         usable_share=_share(~(outside | negative | spike)),
         rssi_share=_share(np.isfinite(rssi)),
     )
-
-
-def _spikes(
-    t_s: Float64[Array, "R"], range_m: Float64[Array, "R"], drive: Trajectory
-) -> Bool[Array, "R"]:
-    """Return which readings contradict most pairs of other readings near them.
-
-    Along a chord of the path the square of the distance to any place is that at its ends, between
-    them in proportion, less w (1 - w) times the chord's square: so two readings predict a third
-    without knowing where the anchor stands. What predicts badly (readings near an anchor that is
-    passed fast, beyond a pair, or away from its chord) is asked less.
-    """
-    path_m = np.column_stack([np.interp(t_s, drive.t_s, axis) for axis in drive.position_m.T])
-    range_m = np.where(range_m < 0.0, np.nan, range_m)
-    votes, pairs = np.zeros((2, len(range_m)))
-    for reach in range(1, _PAIRS + 1):
-        # Before and after the reading, both before it, both after it.
-        for first, second in ((-reach, reach), (-2 * reach, -reach), (reach, 2 * reach)):
-            own = np.arange(max(0, -first), len(range_m) - max(0, second))
-            off_m, error = _misfit(own, own + first, own + second, t_s, range_m, path_m)
-            votes[own] += off_m > SPIKE_M * np.maximum(error, 1.0)
-            pairs[own] += np.isfinite(off_m)
-    return np.asarray((votes > 0.5 * pairs) & (pairs >= _FEWEST_PAIRS))
-
-
-def _misfit(
-    own: Int64[Array, "K"],
-    first: Int64[Array, "K"],
-    second: Int64[Array, "K"],
-    t_s: Float64[Array, "R"],
-    range_m: Float64[Array, "R"],
-    path_m: Float64[Array, "R 2"],
-) -> tuple[Float64[Array, "K"], Float64[Array, "K"]]:
-    """Return how far readings are from what two others predict, and how much worse that errs."""
-    chord_m, along_m = path_m[second] - path_m[first], path_m[own] - path_m[first]
-    chord2_m2 = (chord_m**2).sum(axis=1)
-    moves = chord2_m2 > _STANDS_M**2
-    by_time = (t_s[own] - t_s[first]) / np.maximum(t_s[second] - t_s[first], 1e-9)
-    by_path = (along_m * chord_m).sum(axis=1) / np.maximum(chord2_m2, _STANDS_M**2)
-    w = np.where(moves, by_path, np.clip(by_time, -1.0, 2.0))
-    aside_m = np.linalg.norm(along_m - w[:, None] * chord_m, axis=1)
-    ends_m2 = (1.0 - w) * range_m[first] ** 2 + w * range_m[second] ** 2
-    predicted_m = np.sqrt(np.maximum(ends_m2 - w * (1.0 - w) * chord2_m2, 0.0))
-    error = np.hypot((1.0 - w) * range_m[first], w * range_m[second])
-    error /= np.maximum(np.fmin(predicted_m, range_m[own]), _NEAR_M)
-    return np.abs(range_m[own] - predicted_m) - aside_m, error
 
 
 def _share(found: Bool[Array, "R"]) -> float:

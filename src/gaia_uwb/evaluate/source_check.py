@@ -43,6 +43,6 @@ def check_source(source: str, *, data_dir: Path | None = None) -> list[CheckRepo
 
 def _check_log(path: Path) -> CheckReport:
     try:
-        return check_scene(*read_log(path))
+        return check_scene(read_log(path))
     except (InputError, ConfigError) as error:
         return CheckReport.of_failure(str(path), error)

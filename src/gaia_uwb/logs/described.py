@@ -143,8 +143,9 @@ class _Reader:
             anchor_up_m=anchors.up_m,
             frame=frame,
             truth=make_truth(ranges, order, anchors, None),
+            notes=tuple(dict.fromkeys(self._notes)),
         )
-        return scene, tuple(dict.fromkeys(self._notes))
+        return scene, scene.notes
 
     def _drive(self) -> LogTable:
         from gaia_uwb.logs import csv_map

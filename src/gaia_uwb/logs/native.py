@@ -26,7 +26,7 @@ import io
 import os
 import shutil
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -140,7 +140,8 @@ def read_with_notes(folder: Path) -> tuple[Scene, tuple[str, ...]]:
         frame=frame,
         truth=make_truth(ranges, order, anchors, content.clock_offset_s),
     )
-    return scene, tuple(_notes(scene, drive, ranges, anchors))
+    scene = replace(scene, notes=tuple(_notes(scene, drive, ranges, anchors)))
+    return scene, scene.notes
 
 
 def write_native(

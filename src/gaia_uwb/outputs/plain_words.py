@@ -64,6 +64,7 @@ def people_report(reconstruction: Reconstruction) -> str:
         *_limits(limits),
         "## How to improve the result",
         *_advice(limits),
+        *_notes(reconstruction),
         "## The cones",
         "\n".join(_table(reconstruction)),
         "The map (`map.html`) shows all of this, and the ranges along the drive. `report.json` "
@@ -274,6 +275,13 @@ def _advice(limits: Sequence[Limit]) -> Iterator[str]:
         yield "\n".join(f"{k}. {step}" for k, step in enumerate(steps, start=1))
     else:
         yield "Nothing in this log calls for another drive."
+
+
+def _notes(reconstruction: Reconstruction) -> Iterator[str]:
+    """Say what the readers of the logs took and left out."""
+    if reconstruction.notes:
+        yield "## How the log was read"
+        yield _bullets([in_markdown(note) for note in reconstruction.notes])
 
 
 def _table(reconstruction: Reconstruction) -> Iterator[str]:

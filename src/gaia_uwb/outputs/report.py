@@ -102,6 +102,7 @@ def make_report(
         "scene": reconstruction.name,
         "status": reconstruction.status.value,
         "reasons": [_reason(reason) for reason in reconstruction.reasons],
+        "notes": list(reconstruction.notes),
         "stated": list(reconstruction.stated),
         **_errors(alone),
         "passes": [

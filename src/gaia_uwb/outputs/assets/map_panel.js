@@ -144,6 +144,8 @@ function tellStatus() {
     ? `All ${order.length}` : `${cones.size} of ${order.length}`;
   html("span", ` ${found} cones located, ${area}.`, byId("status"));
   for (const reason of report.reasons) html("li", reason.text, byId("reasons"));
+  for (const note of report.notes) html("li", note, byId("notes"));
+  byId("log").hidden = !report.notes.length;
   byId("note").textContent = report.uncertainty_note;
   byId("version").textContent = `gaia-uwb ${report.version}`;
 }

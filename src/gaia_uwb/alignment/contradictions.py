@@ -1,0 +1,147 @@
+"""Find the readings of an anchor that contradict most of its others, wherever the anchor stands.
+
+A few such readings are spikes. Where they are the most, the readings are not those of one anchor
+and one tag: two radios answer with one id, two tags share a log, or the clocks or units are wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gaia_uwb._shared import Array, Bool, Float64, Int64, metres, percent
+from gaia_uwb.alignment.readings import fit_anchors, gather_readings
+from gaia_uwb.estimate import Reason, ReasonKind
+from gaia_uwb.scene import Scene, Trajectory
+
+SPIKE_M = 1.0
+"""A reading further than this from what most of the readings around it predict is a spike."""
+
+_PAIRS, _FEWEST_PAIRS = 7, 3  # of readings before, about and after a reading
+_NEAR_M, _STANDS_M = 0.5, 0.1
+_MOST_LOOKED_AT, _MOST_FITTED = 20_000, 40_000  # more would not change a share
+_FEWEST_READINGS = 8
+_HALF_BEYOND_M = 2.5  # however hard the surroundings, half of a radio's ranges err by less
+_NAMED = 5
+
+
+def contradicted_anchors(
+    scene: Scene, offset_s: float = 0.0, *, max_gap_s: float = 1.0
+) -> Iterator[Reason]:
+    """Yield one reason if the readings of an anchor do not come from one place.
+
+    Parameters
+    ----------
+    scene
+        The log; its truth is not used.
+    offset_s
+        A reading stamped t belongs to the trajectory at ``t - offset_s``.
+    max_gap_s
+        Longest gap of the trajectory that is interpolated, in seconds.
+    """
+    found: dict[str, tuple[float, float]] = {}
+    order = np.argsort(scene.ranges.anchor, kind="stable")
+    ends = np.cumsum(np.bincount(scene.ranges.anchor, minlength=scene.n_anchors))
+    own = np.split(order, ends[:-1])
+    every = len(scene.ranges) // _MOST_FITTED + 1
+    for readings in gather_readings(scene, every=every):
+        residual_m = np.abs(fit_anchors(scene, readings, offset_s, max_gap_s).residual_m)
+        for row, n in enumerate(readings.anchors):
+            off_m = residual_m[row, np.isfinite(residual_m[row])]
+            if len(off_m) >= _FEWEST_READINGS:
+                half_m = float(np.median(off_m))
+                share = _contradicted_share(scene, own[n], offset_s)
+                found[scene.anchor_ids[n]] = share, half_m
+    bad = {who: each for who, each in found.items() if each[0] > 0.5 or each[1] > _HALF_BEYOND_M}
+    if bad:
+        share, half_m = (max(column) for column in zip(*bad.values(), strict=True))
+        more = f" and {len(bad) - _NAMED} more" if len(bad) > _NAMED else ""
+        up_to = "up to " if len(bad) > 1 else ""
+        text = (
+            f"{', '.join(list(bad)[:_NAMED])}{more}: the readings do not come from one place: "
+            f"{up_to}{percent(share)} of them contradict those around them, and half are off by "
+            f"{up_to}{metres(half_m)} or more; so it looks where two radios have one id, two tags "
+            "share a log, or a unit or a clock is wrong"
+        )
+        numbers = {"share": share, "half_beyond_m": half_m}
+        yield Reason(ReasonKind.LOG, text, cones=tuple(bad), numbers=numbers)
+
+
+def _contradicted_share(scene: Scene, own: Int64[Array, "K"], offset_s: float) -> float:
+    """Return the share of an anchor's readings, given by row, that contradict those around them."""
+    drive, t_s = scene.trajectory, scene.ranges.t_s[own] - offset_s
+    inside = np.flatnonzero((t_s >= drive.t_s[0]) & (t_s <= drive.t_s[-1]))
+    every = len(own) // _MOST_LOOKED_AT + 1
+    looked_at = inside[:: every | 1]  # odd, so that of two sources in turn both are seen
+    found = contradicting(t_s, scene.ranges.range_m[own], drive, looked_at)
+    return float(found.mean()) if found.size else 0.0
+
+
+def contradicting(
+    t_s: Float64[Array, "R"],
+    range_m: Float64[Array, "R"],
+    drive: Trajectory,
+    looked_at: Int64[Array, "K"] | None = None,
+) -> Bool[Array, "K"]:
+    """Return which readings of one anchor contradict most pairs of its other readings near them.
+
+    Along a chord of the path the square of the distance to any place is that at its ends, between
+    them in proportion, less w (1 - w) times the chord's square: so two readings predict a third
+    without knowing where the anchor stands. What predicts badly (readings near an anchor that is
+    passed fast, beyond a pair, or away from its chord) is asked less.
+
+    Parameters
+    ----------
+    t_s, range_m : (R,)
+        Time and range of the anchor's readings, in the order of time.
+    drive
+        The path of the tag's antenna.
+    looked_at : (K,), optional
+        Which readings to judge, in increasing order; all by default.
+
+    Examples
+    --------
+    >>> t_s = np.arange(0.0, 4.0, 0.1)
+    >>> drive = Trajectory(t_s, np.column_stack([2.0 * t_s, 0.0 * t_s]))
+    >>> range_m = np.hypot(2.0 * t_s - 4.0, 5.0)
+    >>> range_m[20] += 3.0
+    >>> np.flatnonzero(contradicting(t_s, range_m, drive))
+    array([20])
+    """
+    path_m = np.column_stack([np.interp(t_s, drive.t_s, axis) for axis in drive.position_m.T])
+    range_m = np.where(range_m < 0.0, np.nan, range_m)
+    chosen = np.arange(len(range_m)) if looked_at is None else looked_at
+    votes, pairs = np.zeros((2, len(chosen)))
+    for reach in range(1, _PAIRS + 1):
+        # Before and after the reading, both before it, both after it.
+        for first, second in ((-reach, reach), (-2 * reach, -reach), (reach, 2 * reach)):
+            has = (chosen >= max(0, -first)) & (chosen < len(range_m) - max(0, second))
+            own = chosen[has]
+            off_m, error = _misfit(own, own + first, own + second, t_s, range_m, path_m)
+            votes[has] += off_m > SPIKE_M * np.maximum(error, 1.0)
+            pairs[has] += np.isfinite(off_m)
+    return np.asarray((votes > 0.5 * pairs) & (pairs >= _FEWEST_PAIRS))
+
+
+def _misfit(
+    own: Int64[Array, "K"],
+    first: Int64[Array, "K"],
+    second: Int64[Array, "K"],
+    t_s: Float64[Array, "R"],
+    range_m: Float64[Array, "R"],
+    path_m: Float64[Array, "R 2"],
+) -> tuple[Float64[Array, "K"], Float64[Array, "K"]]:
+    """Return how far readings are from what two others predict, and how much worse that errs."""
+    chord_m, along_m = path_m[second] - path_m[first], path_m[own] - path_m[first]
+    chord2_m2 = (chord_m**2).sum(axis=1)
+    moves = chord2_m2 > _STANDS_M**2
+    by_time = (t_s[own] - t_s[first]) / np.maximum(t_s[second] - t_s[first], 1e-9)
+    by_path = (along_m * chord_m).sum(axis=1) / np.maximum(chord2_m2, _STANDS_M**2)
+    w = np.where(moves, by_path, np.clip(by_time, -1.0, 2.0))
+    aside_m = np.linalg.norm(along_m - w[:, None] * chord_m, axis=1)
+    ends_m2 = (1.0 - w) * range_m[first] ** 2 + w * range_m[second] ** 2
+    predicted_m = np.sqrt(np.maximum(ends_m2 - w * (1.0 - w) * chord2_m2, 0.0))
+    error = np.hypot((1.0 - w) * range_m[first], w * range_m[second])
+    error /= np.maximum(np.fmin(predicted_m, range_m[own]), _NEAR_M)
+    return np.abs(range_m[own] - predicted_m) - aside_m, error
