@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import bz2
+import gzip
 import json
+import lzma
 import os
 from pathlib import Path
 from typing import Any
@@ -17,12 +20,28 @@ from gaia_uwb.wzdx.strict_json import DEEPEST, LARGEST_BYTES, parse_json, read_j
 @pytest.mark.parametrize(
     ("content", "problem"),
     [
-        (b"", "Expecting value"),
-        (b"hello", "Expecting value"),
+        (b"", "the file is empty"),
+        (b"\xef\xbb\xbf \n", "the file is empty"),
+        (b" " * 3000 + b"hello", "Expecting value.*there is 'hello'"),
         (b"{'a': 1}", "Expecting property name"),
-        (b'{"a": 1', "delimiter"),
+        (b'{"a": 1', "ends too early, in line 1: is it cut off"),
+        (b'{"a":\n "half of a te', "ends too early, in line 2: is it cut off"),
         (b'{"a": 1} x', "Extra data"),
-        (b"\xff\xfe{}", "can't decode"),
+        (b'{"a": "\xe9"}', "can't decode byte 0xe9"),
+        (b'{"a": 1}\n{"a": 2}\n', "several JSON texts.* the second begins in line 2"),
+        (b"[1]\n[2]", "several JSON texts.* the second begins in line 2"),
+        (b'\x1e{"a": 1}\n\x1e{"a": 2}\n', "several JSON texts.*RFC 8142"),
+        (b'jsonp({"a": 1});', "Expecting value.*there is 'jsonp"),
+        ('{"a": 1}'.encode("utf-16"), "UTF-16 or UTF-32, but JSON is in UTF-8"),
+        ('{"a": 1}'.encode("utf-16-be"), "UTF-16 or UTF-32"),
+        ('{"a": 1}'.encode("utf-32-le"), "UTF-16 or UTF-32"),
+        (gzip.compress(b"{}"), r"compressed \(gzip\): unpack it first"),
+        (bz2.compress(b"{}"), r"compressed \(bzip2\)"),
+        (lzma.compress(b"{}"), r"compressed \(xz\)"),
+        (b"PK\x03\x04\x14\0", r"compressed \(zip\)"),
+        (b"\n <!DOCTYPE HTML>\n<title>502</title>", "it is HTML: perhaps the error page"),
+        (b'\xef\xbb\xbf<?xml version="1.0"?><HTML xmlns="">', "it is HTML"),
+        (b'<?xml version="1.0"?><Error>AccessDenied</Error>', "it is XML"),
         (b'{"a": NaN}', "NaN is not a JSON number"),
         (b"[-Infinity]", "-Infinity is not"),
         (b"[1e999]", "too large"),

@@ -26,10 +26,8 @@ from gaia_uwb.wzdx.words import (
 )
 
 
-def _is_utc(text: str) -> str:
+def _is_date(text: str) -> str:
     parse_date(text)
-    if not text.endswith(("Z", "+00:00", "-00:00")):
-        raise ValueError("expected a date in UTC, ending in Z")
     return text
 
 
@@ -39,7 +37,7 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="ignore", strict=True, frozen=True)
 
 
-Date = Annotated[str, AfterValidator(_is_utc)]
+Date = Annotated[str, AfterValidator(_is_date)]
 Share = Annotated[float, Field(ge=0)]
 Id = Annotated[str, Field(min_length=1)]
 _Item = TypeVar("_Item")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from gaia_uwb.wzdx.dates import parse_date
+from gaia_uwb._shared import shown
+from gaia_uwb.wzdx.dates import is_in_utc, parse_date
 from gaia_uwb.wzdx.places import Step, heading_deg
 from gaia_uwb.wzdx.problems import Problem, json_path
 from gaia_uwb.wzdx.words import DEPRECATED, ONLY_CWZ_DEVICES, ONLY_WZDX_MARKERS, Profile
@@ -49,7 +50,10 @@ def check_event(
     if created and updated and parse_date(created) > parse_date(updated):
         path = json_path(*place, "core_details", "creation_date")
         yield Problem(path, "is after update_date", is_error=False)
-    yield from _check_lanes(properties.get("lanes", []), [*place, "lanes"])
+    lanes = properties.get("lanes", [])
+    yield from _check_lanes(lanes, [*place, "lanes"])
+    if is_zone:
+        yield from _check_impact(properties["vehicle_impact"], lanes, place)
 
 
 def check_device(
@@ -73,6 +77,18 @@ def check_device(
             yield Problem(path, f"CWZ 1.0 has no {marker['type']}")
 
 
+def check_offsets(document: dict[str, Any]) -> Iterator[Problem]:
+    """Yield a warning where dates have an offset from UTC; all are meant to end in Z."""
+    found = _with_offset(document, [])
+    first = next(found, None)
+    if first is not None:
+        path, text = first
+        more = sum(1 for _ in found)
+        others = f"; {more} more like it" if more else ""
+        said = f"{shown(text)} has an offset, but dates are in UTC and end in Z{others}"
+        yield Problem(path, said, is_error=False)
+
+
 def check_heading(feature: dict[str, Any], place: Sequence[Step]) -> Iterator[Problem]:
     """Yield a warning where a sound line runs against the direction that is given for it."""
     direction = feature["properties"]["core_details"]["direction"]
@@ -86,9 +102,35 @@ def check_heading(feature: dict[str, Any], place: Sequence[Step]) -> Iterator[Pr
         yield Problem(path, f"{text}: positions go from upstream to downstream", is_error=False)
 
 
+def _with_offset(node: Any, place: list[Step]) -> Iterator[tuple[str, str]]:
+    items: Iterable[tuple[Step, Any]] = ()
+    if isinstance(node, dict):
+        items = node.items()
+    elif isinstance(node, list):
+        items = enumerate(node)
+    for step, value in items:
+        if isinstance(value, (dict, list)):
+            yield from _with_offset(value, [*place, step])
+        elif isinstance(value, str) and str(step).endswith("_date") and not is_in_utc(value):
+            yield json_path(*place, step), value
+
+
 def _check_lanes(lanes: list[dict[str, Any]], place: Sequence[Step]) -> Iterator[Problem]:
     orders = sorted(lane["order"] for lane in lanes)
     if orders != list(range(1, len(orders) + 1)):
         text = f"expected every lane once, with the orders 1 to {len(orders)}"
         # Several lanes may share an order in older feeds; a gap leaves a lane out.
         yield Problem(json_path(*place), text, is_error=False)
+
+
+def _check_impact(
+    impact: str, lanes: list[dict[str, Any]], place: Sequence[Step]
+) -> Iterator[Problem]:
+    """Compare an event's impact with its lanes; a shoulder may be closed while all are open."""
+    contradiction = "closed" if impact.startswith("all-lanes-open") else "open"
+    if not impact.startswith("all-lanes-"):
+        return
+    for k, lane in enumerate(lanes):
+        if lane["type"] == "general" and lane["status"] == contradiction:
+            text = f"{contradiction}, but vehicle_impact is {impact}"
+            yield Problem(json_path(*place, "lanes", k, "status"), text, is_error=False)

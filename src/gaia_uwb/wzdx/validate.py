@@ -8,25 +8,34 @@ $.feed_info: required
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 from pydantic import ValidationError
 
 from gaia_uwb._shared import shown
 from gaia_uwb.wzdx import models
-from gaia_uwb.wzdx.places import Step, check_bbox, check_geometry
+from gaia_uwb.wzdx.places import Positions, Step, check_bbox, check_geometry
 from gaia_uwb.wzdx.problems import Problem, json_path
-from gaia_uwb.wzdx.rules import check_device, check_event, check_heading
+from gaia_uwb.wzdx.recognise import (
+    FeedKind,
+    check_system,
+    core_details,
+    feed_info,
+    feed_kind,
+    in_the_wrong_feed,
+    what_it_is_instead,
+)
+from gaia_uwb.wzdx.rules import check_device, check_event, check_heading, check_offsets
 from gaia_uwb.wzdx.schemas import OfficialSchemas
 from gaia_uwb.wzdx.strict_json import read_json
-from gaia_uwb.wzdx.words import VERSIONS, Profile
+from gaia_uwb.wzdx.words import DEPRECATED, VERSIONS, Profile
 
-FeedKind: TypeAlias = Literal["WorkZoneFeed", "DeviceFeed"]
-
+_LIKE_4 = re.compile(r"^\D*4\.")
 MOST_PROBLEMS = 100
 """Most problems listed per feed; more would only repeat the same."""
 
@@ -89,20 +98,31 @@ def validate_document(document: Any, schemas: OfficialSchemas | None = None) -> 
     ConfigError
         If the schemas do not cover this feed.
     """
-    problems = _Check(document).problems()
-    if schemas is not None and isinstance(document, dict):
-        profile = _profile(_info(document))
-        problems = chain(problems, schemas.problems(document, feed_kind(document), profile))
-    return list(islice(problems, MOST_PROBLEMS))
+    return list(islice(_each_once(_problems(document, schemas)), MOST_PROBLEMS))
 
 
-def feed_kind(document: Any) -> FeedKind:
-    """Recognise a device feed by its first feature; without features it is a work-zone feed."""
-    features = document.get("features") if isinstance(document, dict) else None
-    for feature in features if isinstance(features, list) else []:
-        details = _details(feature)
-        return "DeviceFeed" if "device_type" in details else "WorkZoneFeed"
-    return "WorkZoneFeed"
+def _problems(document: Any, schemas: OfficialSchemas | None) -> Iterator[Problem]:
+    other = what_it_is_instead(document)
+    if other is not None:
+        yield other
+        return
+    check = _Check(document)
+    yield from check.problems()
+    if not check.is_of_our_time:
+        return
+    if schemas is None:
+        yield from _unchecked(document)
+    else:
+        profile = _profile(feed_info(document))
+        yield from schemas.problems(document, feed_kind(document), profile)
+
+
+def _each_once(problems: Iterator[Problem]) -> Iterator[Problem]:
+    seen = set()
+    for problem in problems:
+        if problem not in seen:
+            seen.add(problem)
+            yield problem
 
 
 @dataclass
@@ -112,23 +132,29 @@ class _Check:
     document: Any
     profile: Profile = "wzdx-4.2"
     seen: dict[str, int] = field(default_factory=dict)
+    is_of_our_time: bool = True
+    positions: Positions = field(default_factory=lambda: Positions(None))
     sources: set[str] | None = None
 
     def problems(self) -> Iterator[Problem]:
-        if not isinstance(self.document, dict):
-            got = type(self.document).__name__
-            yield Problem("$", f"expected a feed, which is a JSON object, got {got}")
-            return
         kind = feed_kind(self.document)
         yield from self._head(kind)
+        if not self.is_of_our_time:
+            return
         outside = list(_model_problems(models.Collection, self.document, []))
         yield from outside
         if outside:
             return
         if "bbox" in self.document:
             yield from check_bbox(self.document["bbox"])
+        system = list(check_system(self.document))
+        yield from system
+        in_degrees = not any(problem.is_error for problem in system)
+        self.positions = Positions(self.document.get("bbox"), in_degrees=in_degrees)
         for k, feature in enumerate(self.document["features"]):
             yield from self._feature(feature, k, kind)
+        yield from self.positions.together()
+        yield from check_offsets(self.document)
         if kind == "WorkZoneFeed":
             yield from self._related()
 
@@ -143,7 +169,13 @@ class _Check:
         version = info.get("version") if isinstance(info, dict) else None
         if isinstance(version, str) and version not in VERSIONS:
             known = "4.2 (WZDx) or 1.0 (CWZ)"
-            yield Problem(json_path(name, "version"), f"expected {known}, got {shown(version)}")
+            # All that was valid in 4.0 is in 4.2; before, every member had another place.
+            self.is_of_our_time = _LIKE_4.search(version) is not None
+            then = "checked as 4.2" if self.is_of_our_time else "the rest is not checked"
+            text = f"expected {known}, got {shown(version)}: {then}"
+            yield Problem(json_path(name, "version"), text)
+            if not self.is_of_our_time:
+                return
         self.profile = _profile(info)
         model = models.CwzFeedInfo if self.profile == "cwz-1.0" else models.FeedInfo
         wrong = list(_model_problems(model, info, [name]))
@@ -163,9 +195,14 @@ class _Check:
         if outside:
             return
         yield from self._unique(feature["id"], k)
-        bbox = self.document.get("bbox")
+        stranger = in_the_wrong_feed(feature, kind)
+        if stranger is not None:
+            yield Problem(
+                json_path(*place, "properties", "core_details", *stranger[:1]), stranger[1]
+            )
+            return
         geometry = check_geometry(
-            feature["geometry"], self._allowed(kind), [*place, "geometry"], bbox
+            feature["geometry"], self._allowed(kind), [*place, "geometry"], self.positions
         )
         misplaced = list(geometry)
         yield from misplaced
@@ -200,7 +237,7 @@ class _Check:
     def _related(self) -> Iterator[Problem]:
         """Yield references to events that are not in this feed; they may be in another one."""
         for k, feature in enumerate(self.document["features"]):
-            related = _details(feature).get("related_road_events")
+            related = core_details(feature).get("related_road_events")
             for j, other in enumerate(related if isinstance(related, list) else []):
                 other_id = other.get("id") if isinstance(other, dict) else None
                 if isinstance(other_id, str) and other_id not in self.seen:
@@ -209,8 +246,23 @@ class _Check:
                     yield Problem(json_path(*place, "id"), text, is_error=False)
 
 
+def _unchecked(document: dict[str, Any]) -> Iterator[Problem]:
+    """Yield a warning with the members that only the official schemas know."""
+    if not isinstance(document.get("features"), list):
+        return
+    kind, names = feed_kind(document), set()
+    for feature in document["features"]:
+        properties = feature.get("properties") if isinstance(feature, dict) else None
+        if isinstance(properties, dict):
+            names |= properties.keys() - _model(kind, feature).model_fields.keys()
+    names -= {"gaia", *DEPRECATED}
+    if names:
+        text = f"not checked without --schemas: {shown(sorted(names))}"
+        yield Problem("$.features", text, is_error=False)
+
+
 def _model(kind: FeedKind, feature: dict[str, Any]) -> type[models.Part]:
-    details = _details(feature)
+    details = core_details(feature)
     if kind == "DeviceFeed":
         is_marker = details.get("device_type") == "location-marker"
         return models.LocationMarker if is_marker else models.Device
@@ -237,18 +289,6 @@ def _said(details: Mapping[str, Any]) -> str:
     return f"{expected}, got {shown(details['input'])}"
 
 
-def _details(feature: Any) -> dict[str, Any]:
-    """Return a feature's core details, nothing where it has none."""
-    properties = feature.get("properties") if isinstance(feature, dict) else None
-    details = properties.get("core_details") if isinstance(properties, dict) else None
-    return details if isinstance(details, dict) else {}
-
-
-def _info(document: dict[str, Any]) -> dict[str, Any]:
-    info = document.get("feed_info", document.get("road_event_feed_info"))
-    return info if isinstance(info, dict) else {}
-
-
 def _profile(info: Any) -> Profile:
     """Return the specification that a feed says to follow; unless it says so, it is WZDx 4.2."""
     version = info.get("version") if isinstance(info, dict) else None
@@ -265,7 +305,7 @@ def _dangling_events(document: Any, event_ids: set[str]) -> Iterator[Problem]:
     """Yield references of devices to road events that none of the feeds holds."""
     for k, feature in enumerate(document["features"]):
         references: list[tuple[list[Step], Any]] = []
-        listed = _details(feature).get("road_event_ids")
+        listed = core_details(feature).get("road_event_ids")
         for j, event_id in enumerate(listed if isinstance(listed, list) else []):
             references.append((["core_details", "road_event_ids", j], event_id))
         properties = feature.get("properties") if isinstance(feature, dict) else None
