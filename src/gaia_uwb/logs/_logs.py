@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gaia_uwb._shared import Array, InputError, Int64, counted, open_regular
+from gaia_uwb._shared import Array, InputError, Int64, open_regular
 from gaia_uwb.logs._table import MAX_ROWS, Table
 
 MAX_ANCHORS = 4096
@@ -173,42 +173,6 @@ def _column(table: LogTable, name: str, place: Mapping[str, int]) -> Array:
     if name == "anchor_id":
         return np.array([place[label] for label in table.labels[name]], np.int64)[table[name]]
     return np.full(len(table), np.nan) if name not in table else table[name]
-
-
-def tidy(table: LogTable, *, merged: bool = False) -> tuple[LogTable, list[str]]:
-    """Sort a log by time, and keep the first of rows that repeat a time (of an anchor).
-
-    Parameters
-    ----------
-    table
-        The rows as they were read.
-    merged
-        They come from several logs one after the other, so that sorting is not worth a note.
-
-    Returns
-    -------
-    LogTable
-        The rows in the order of time.
-    list of str
-        Notes on what was sorted and skipped.
-    """
-    notes = []
-    t_s = table["t_s"]
-    n_late = int((np.diff(t_s) < 0).sum())
-    if n_late and not merged:
-        notes.append(f"{table.path.name}: sorted by time, as {counted(n_late, 'row')} came late")
-    anchor = table.get("anchor_id")
-    keys = (t_s,) if anchor is None else (anchor, t_s)
-    order = np.lexsort(keys)
-    repeat = np.ones(max(len(table) - 1, 0), np.bool_)
-    for key in keys:
-        repeat &= np.diff(key[order]) == 0
-    if repeat.any():
-        what = "the time of another" if anchor is None else "the anchor and time of another"
-        rows = counted(int(repeat.sum()), "row")
-        notes.append(f"{table.path.name}: skipped {rows} with {what}")
-    kept = order[np.append(True, ~repeat)[: len(table)]]
-    return table.take(kept), notes
 
 
 def read_lines(path: Path) -> Iterator[tuple[int, str]]:

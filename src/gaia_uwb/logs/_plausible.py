@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64, InputError, shown
+from gaia_uwb._shared import Array, Float64, InputError
 from gaia_uwb.logs._table import Table
 from gaia_uwb.scene import LocalFrame
 
@@ -126,24 +126,6 @@ def check_site(table: Table) -> None:
                 f"expected a position near the others, got one {away_m[index] / 1000:,.0f} km away"
             )
             raise table.error(problem, index=index, column=name)
-
-
-def check_unique_readings(ranges: Table) -> None:
-    """Refuse two readings of one anchor at one time.
-
-    Raises
-    ------
-    InputError
-        If there are two.
-    """
-    t_s, anchor = ranges["t_s"], ranges["anchor_id"]
-    order = np.lexsort((t_s, anchor))
-    twice = (np.diff(t_s[order]) == 0) & (np.diff(anchor[order]) == 0)
-    if twice.any():
-        index = int(order[1:][twice].min())
-        anchor_id = ranges.labels["anchor_id"][anchor[index]]
-        problem = f"expected one reading at {t_s[index]:.6f} s, got two of {shown(anchor_id)}"
-        raise ranges.error(problem, index=index, column="t_s")
 
 
 def check_one_drive(ranges: Table, trajectory: Table, position_m: Float64[Array, "T 2"]) -> None:

@@ -5,15 +5,19 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from gaia_uwb._shared import Array, Float64, Int64, shown
 from gaia_uwb.logs._cells import Kind
+from gaia_uwb.logs._placeholders import Drive, no_ranges
 from gaia_uwb.logs._places import place_kinds, to_places
+from gaia_uwb.logs._plausible import check_one_drive, check_seconds
 from gaia_uwb.logs._table import Table, read_table
 from gaia_uwb.scene import LocalFrame, RangeLog, Truth
+
+_Table = TypeVar("_Table", bound=Table)
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,28 @@ def _natural_key(anchor_id: str) -> tuple[Any, ...]:
     numbers = [word.lstrip("0") for word in words[1::2]]
     words[1::2] = [f"{len(number):06d}{number}" for number in numbers]
     return (*words, anchor_id)
+
+
+def ranges_of_drive(
+    ranges: _Table, drive: Table, position_m: Float64[Array, "T 2"]
+) -> tuple[_Table, list[str]]:
+    """Leave out what is no range, and refuse ranges that cannot belong to the drive.
+
+    Returns
+    -------
+    (Table, list of str)
+        The ranges, and notes on what was left out.
+
+    Raises
+    ------
+    InputError
+        If no range is left, times do not overlap, or the unit is wrong.
+    """
+    check_seconds(ranges)
+    none, notes = no_ranges(ranges, Drive(drive["t_s"], position_m))
+    ranges = cast("_Table", ranges.take(~none)) if none.any() else ranges
+    check_one_drive(ranges, drive, position_m)
+    return ranges, notes
 
 
 def range_log(ranges: Table, order: Int64[Array, "R"], ids: tuple[str, ...]) -> RangeLog:

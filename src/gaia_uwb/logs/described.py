@@ -15,10 +15,11 @@ import numpy as np
 from gaia_uwb._shared import InputError
 from gaia_uwb.logs import _plausible
 from gaia_uwb.logs._lever_arm import LeverArm, move_to_tag
-from gaia_uwb.logs._logs import LogTable, join, tidy
+from gaia_uwb.logs._logs import LogTable, join
 from gaia_uwb.logs._places import Places, first_place, to_places
-from gaia_uwb.logs._scenes import make_truth, range_log, read_anchors
+from gaia_uwb.logs._scenes import make_truth, range_log, ranges_of_drive, read_anchors
 from gaia_uwb.logs._stamps import DAY_S
+from gaia_uwb.logs._tidy import tidy
 from gaia_uwb.logs.bags import is_ros2_folder
 from gaia_uwb.logs.input_description import (
     FILE_NAME,
@@ -122,6 +123,7 @@ class _Reader:
         self._description = description
         self._shown = shown
         self._notes: list[str] = []
+        self._problems: list[str] = []
         self._logs: dict[tuple[Path, str | None], RosLog] = {}
 
     def scene(self) -> tuple[Scene, tuple[str, ...]]:
@@ -130,8 +132,8 @@ class _Reader:
         drive = self._drive()
         ranges = self._ranges(float(np.median(drive["t_s"])))
         frame, places = self._places(drive)
-        _plausible.check_seconds(ranges)
-        _plausible.check_one_drive(ranges, drive, places.position_m)
+        ranges, notes = ranges_of_drive(ranges, drive, places.position_m)
+        self._notes += notes
         table = None if given.anchors is None else self._anchors_file(given.anchors)
         anchors = read_anchors(table, frame, ranges.labels["anchor_id"])
         order = ranges["t_s"].argsort(kind="stable")
@@ -144,6 +146,7 @@ class _Reader:
             frame=frame,
             truth=make_truth(ranges, order, anchors, None),
             notes=tuple(dict.fromkeys(self._notes)),
+            problems=tuple(self._problems),
         )
         return scene, scene.notes
 
@@ -161,8 +164,7 @@ class _Reader:
                 path = self._path(given.file)
                 table, notes = csv_map.read_trajectory(path, given.columns, given.stamps)
         self._notes += notes
-        table, notes = tidy(table)
-        self._notes += notes
+        table = self._tidy(table)
         _plausible.check_seconds(table)
         _plausible.check_timeline(table)
         return table
@@ -172,12 +174,15 @@ class _Reader:
         near_s = drive_s if drive_s > _DATED_S else None
         tables = []
         for given in self._description.ranges:
-            table, notes = tidy(self._ranges_of(given, near_s))
-            self._notes += notes
-            tables.append(table)
-        table, notes = tidy(join(tables), merged=True)
-        self._notes += notes
-        return table
+            tables.append(self._tidy(self._ranges_of(given, near_s)))
+        return self._tidy(join(tables), merged=True)
+
+    def _tidy(self, table: LogTable, *, merged: bool = False) -> LogTable:
+        """Return the rows in the order of time, and remember what was noted and found."""
+        tidied = tidy(table, merged=merged)
+        self._notes += tidied.notes
+        self._problems += tidied.problems
+        return tidied.table
 
     def _ranges_of(
         self, given: RosRanges | CsvRanges | SerialRanges, near_s: float | None

@@ -16,8 +16,9 @@ first sample as the local frame's origin. Heights (``up_m``) count from that ori
 surveyed place that is not known is an empty cell.
 
 What was surveyed or simulated (places and the four columns above) becomes the scene's truth, which
-only scores read. Rows of ranges may come in any order, as logs merge several radios; a trajectory
-that goes back in time is an error. Columns that are not named above are ignored.
+only scores read. Rows may come in any order, as logs merge several radios; they are sorted by time,
+and of rows that repeat a time (of an anchor) the first is kept. Columns that are not named above
+are ignored.
 """
 
 from __future__ import annotations
@@ -38,7 +39,6 @@ from gaia_uwb._shared import (
     InputError,
     OutputFolder,
     SourceError,
-    counted,
     read_yaml,
     replace_file,
     temporary_path,
@@ -46,9 +46,10 @@ from gaia_uwb._shared import (
 from gaia_uwb.config import LONGEST_NAME, Settings, settings_problems
 from gaia_uwb.logs import _plausible
 from gaia_uwb.logs._cells import Kind
-from gaia_uwb.logs._places import Places, first_place, place_kinds, to_places
-from gaia_uwb.logs._scenes import Anchors, make_truth, range_log, read_anchors
+from gaia_uwb.logs._places import first_place, place_kinds, to_places
+from gaia_uwb.logs._scenes import Anchors, make_truth, range_log, ranges_of_drive, read_anchors
 from gaia_uwb.logs._table import Table, read_names, read_table
+from gaia_uwb.logs._tidy import tidy
 from gaia_uwb.scene import LocalFrame, Scene, Trajectory
 
 _SCENE_FILE = "scene.yaml"
@@ -124,12 +125,14 @@ def read_with_notes(folder: Path) -> tuple[Scene, tuple[str, ...]]:
     if not folder.is_dir():
         raise SourceError(f"{folder}: no such folder")
     content = _read_scene_file(folder / _SCENE_FILE)
-    drive = _read_trajectory(_need(folder, "trajectory"))
+    path = tidy(_read_trajectory(_need(folder, "trajectory")))
+    drive = path.table
+    _plausible.check_timeline(drive)
     frame = LocalFrame(**dict(content.frame)) if content.frame else first_place(drive)
     places = to_places(drive, frame)
-    ranges = _read_ranges(_need(folder, "ranges"), drive, places)
+    log = tidy(_read_ranges(_need(folder, "ranges")))
+    ranges, left_out = ranges_of_drive(log.table, drive, places.position_m)
     anchors = read_anchors(_find(folder, "anchors"), frame, ranges.labels["anchor_id"])
-    # Logs merge several radios, so that their rows need not be in the order of time.
     order = np.argsort(ranges["t_s"], kind="stable")
     scene = Scene(
         name=folder.resolve().name if content.name is None else content.name,
@@ -140,7 +143,8 @@ def read_with_notes(folder: Path) -> tuple[Scene, tuple[str, ...]]:
         frame=frame,
         truth=make_truth(ranges, order, anchors, content.clock_offset_s),
     )
-    scene = replace(scene, notes=tuple(_notes(scene, drive, ranges, anchors)))
+    notes = (*path.notes, *log.notes, *left_out, *_notes(scene, drive, ranges, anchors))
+    scene = replace(scene, notes=notes, problems=(*path.problems, *log.problems))
     return scene, scene.notes
 
 
@@ -148,6 +152,8 @@ def write_native(
     scene: Scene, folder: str | Path, file_format: Literal["csv", "parquet"] = "csv"
 ) -> None:
     """Write a scene in GAIA's own format; :func:`read_native` gives back an equal one.
+
+    What a reader leaves out (ranges of 0 m and less) and its notes are not in what comes back.
 
     All files are written under temporary names and then renamed, the trajectory last: a folder
     without one is not a scene, so an interruption never leaves half of one. A scene that this
@@ -240,18 +246,13 @@ def _read_trajectory(path: Path) -> Table:
         raise InputError(problem, source=path)
     table = read_table(path, {"t_s": Kind.NUMBER, **places}, heights)
     _plausible.check_seconds(table)
-    _plausible.check_timeline(table)
     return table
 
 
-def _read_ranges(path: Path, drive: Table, places: Places) -> Table:
+def _read_ranges(path: Path) -> Table:
     needed = {"t_s": Kind.NUMBER, "anchor_id": Kind.TEXT, "range_m": Kind.NUMBER}
     signal = {"rssi_dbm": Kind.OPTIONAL, "rssi_fp_dbm": Kind.OPTIONAL}
-    table = read_table(path, needed, {**signal, **_TRUTH})
-    _plausible.check_seconds(table)
-    _plausible.check_unique_readings(table)
-    _plausible.check_one_drive(table, drive, places.position_m)
-    return table
+    return read_table(path, needed, {**signal, **_TRUTH})
 
 
 def _notes(scene: Scene, drive: Table, ranges: Table, anchors: Anchors) -> Iterator[str]:
@@ -259,9 +260,6 @@ def _notes(scene: Scene, drive: Table, ranges: Table, anchors: Anchors) -> Itera
     for table in (drive, ranges, anchors.table):
         if table is not None and table.unknown:
             yield f"{table.path.name}: ignored columns: {', '.join(table.unknown)}"
-    n_late = int((np.diff(ranges["t_s"]) < 0).sum())
-    if n_late:
-        yield f"{ranges.path.name}: sorted by time, as {counted(n_late, 'row')} came late"
     n_listed = 0 if anchors.table is None else len(anchors.table)
     if anchors.table is not None and n_listed < scene.n_anchors:
         missing = ", ".join(anchors.ids[n_listed:])
