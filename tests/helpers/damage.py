@@ -8,6 +8,7 @@ cells of a table, the rows of a database, the branches of a document.
 from __future__ import annotations
 
 import bz2
+import re
 import sqlite3
 import struct
 import zlib
@@ -60,6 +61,8 @@ def damage_log(log: Path, rng: Rng) -> None:
         ".parquet": damage_parquet,
         ".json": damage_document,
         ".geojson": damage_document,
+        ".ubx": damage_ubx,
+        ".gpx": damage_gpx,
     }.get(path.suffix, damage_text)
     if path.suffix == ".yaml" and rng.random() < 0.5:
         inside = damage_document
@@ -104,7 +107,7 @@ def damage_text(path: Path, rng: Rng) -> None:
     word = WORDS[int(rng.integers(len(WORDS)))]
     match int(rng.integers(8)):
         case 0 | 1 | 2:  # other words in a cell, a field or a value
-            separator = next((s for s in (",", ": ", "=") if s in lines[at]), ",")
+            separator = next((s for s in (",", ": ", "=", " ") if s in lines[at]), ",")
             cells = lines[at].split(separator)
             cells[int(rng.integers(len(cells)))] = word
             lines[at] = separator.join(cells)
@@ -126,6 +129,44 @@ def damage_text(path: Path, rng: Rng) -> None:
     text = "\n".join(lines)
     encoding = rng.choice(["utf-8", "utf-16", "latin-1"], p=[0.96, 0.02, 0.02])
     path.write_bytes(text.encode(encoding, "replace"))
+
+
+def damage_ubx(path: Path, rng: Rng) -> None:
+    """Spoil the payload of some u-blox messages and make their checksums right."""
+    data = bytearray(path.read_bytes())
+    starts = [match.start() for match in re.finditer(rb"\xb5\x62\x01", data)]
+    for start in rng.choice(starts, size=int(rng.integers(1, len(starts))), replace=False):
+        n = int.from_bytes(data[start + 4 : start + 6], "little")
+        for _ in range(int(rng.integers(1, 4))):
+            data[start + 6 + int(rng.integers(n))] = int(rng.integers(256))
+        a = b = 0
+        for byte in data[start + 2 : start + 6 + n]:
+            a = a + byte & 255
+            b = b + a & 255
+        data[start + 6 + n : start + 8 + n] = bytes([a, b])
+    path.write_bytes(bytes(data))
+
+
+def damage_gpx(path: Path, rng: Rng) -> None:
+    """Spoil an element, an attribute, the nesting or the head of a GPX file."""
+    text = path.read_text(encoding="utf-8")
+    word = WORDS[int(rng.integers(len(WORDS)))]
+    marks = [match.span() for match in re.finditer(r"<[^>]*>|\"[^\"]*\"|(?<=>)[^<]+", text)]
+    start, end = marks[int(rng.integers(len(marks)))]
+    bomb = '<!DOCTYPE gpx [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;">]>'
+    match int(rng.integers(6)):
+        case 0 | 1:
+            text = text[:start] + word + text[end:]
+        case 2:
+            text = text[:end] + text[start:end] * int(rng.choice([1, 3, 200])) + text[end:]
+        case 3:
+            text = text.replace("<gpx ", f"{bomb}<gpx ", 1).replace("drive", "&b;")
+        case 4:
+            text = text.replace('encoding="UTF-8"', f'encoding="{word[:20]}"', 1)
+        case _:
+            tag = ("time", "ele", "trkpt", "trkseg", "trk", "gpx")[int(rng.integers(6))]
+            text = text.replace(f"<{tag}", "<other").replace(f"</{tag}", "</other")
+    path.write_text(text, encoding="utf-8", errors="replace")
 
 
 def damage_mcap(path: Path, rng: Rng) -> None:

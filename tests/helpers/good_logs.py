@@ -14,6 +14,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode
 
 from bags import FORMATS, write_drive
+from good_trajectories import TRAJECTORIES
 
 LEC = "{t:.2f} DIST,2,AN0,022E,7.94,8.03,0.00,{a:.2f},AN1,0C1D,1.00,0.00,0.00,{b:.2f}\n"
 LES = "{t:.2f} 022E[7.94,8.03,0.00]={a:.2f} 0C1D[1.00,0.00,0.00]={b:.2f} le_us=2576\n"
@@ -202,5 +203,6 @@ LOGS: dict[str, Callable[[Path], Path]] = {
     "own": write_own,
     "own-parquet": lambda folder: write_own(folder, ".parquet"),
     "ros-described": write_described_bag,
+    **TRAJECTORIES,
 }
 """Kind -> function that writes a good log into a folder and returns what names it as a source."""

@@ -63,7 +63,9 @@ def test_lever_arm_anchors_and_name(tmp_path: Path) -> None:
     [
         ({"rangs": []}, "gaia.yaml: rangs: unknown key"),
         ({"ranges": []}, "gaia.yaml: ranges: list should have at least 1 item"),
-        ({"ranges": [{"file": "a.csv", "format": "xml"}]}, "gaia.yaml: ranges.0: input tag 'xml'"),
+        ({"ranges": [{"file": "a.csv", "format": "xml"}]}, "gaia.yaml: ranges.0: format should be"),
+        ({"trajectory": {"file": "a", "format": "xml"}}, "trajectory: format should be one of csv"),
+        ({"trajectory": {"file": "a", "format": "kitti"}}, "trajectory.kitti.times: required"),
         ({"lever_arm": {"forward_m": "far"}}, "gaia.yaml: lever_arm.forward_m: "),
     ],
 )

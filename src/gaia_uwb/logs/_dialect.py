@@ -99,10 +99,15 @@ def sniff(path: Path, names: Sequence[str] | None = None) -> Dialect:
     Raises
     ------
     InputError
-        If the file is empty, or what comes first is not text.
-    OSError
-        If the file cannot be read.
+        If the file cannot be read or is empty, or what comes first is not text.
     """
+    try:
+        return _sniff(path, names)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=path) from error
+
+
+def _sniff(path: Path, names: Sequence[str] | None) -> Dialect:
     encoding, line_end = _encoding(path)
     raw = Dialect((), encoding=encoding, line_end=line_end)
     above, sample = _split_off_comments(_first_lines(path, raw))
@@ -115,7 +120,7 @@ def sniff(path: Path, names: Sequence[str] | None = None) -> Dialect:
     lines = [line for _, line in sample[1:]]
     rules = {"encoding": encoding, "line_end": line_end}
     if names is not None:
-        separator = _separator([first, *lines])
+        separator = _separator([first, *lines], len(names))
         columns, header_row, comments = list(names), 0, True
     else:
         separator = separator or _separator([first, *lines])
@@ -220,20 +225,20 @@ def _split_off_comments(
     return above, []
 
 
-def _separator(lines: Sequence[str]) -> str:
-    """Return the separator that the first line has, and that gives all lines as many cells."""
+def _separator(lines: Sequence[str], n_columns: int | None = None) -> str:
+    """Return the separator that the first line has, and that gives most lines as many cells."""
     header = lines[0]
-    found = [s for s in _SEPARATORS if len(_split(header, s)) > 1]
-    if not found and len(lines) > 1:
-        n = len(header.split())
-        same = all(len(line.split()) == n for line in lines[1:])
-        return BLANKS if n > 1 and same else ","
-    if not found:
-        return BLANKS if len(header.split()) > 1 else ","
-    if len(found) > 1:
-        even = [s for s in found if len({len(_split(line, s)) for line in lines}) == 1]
-        found = even if len(even) == 1 else [","]
-    return found[0]
+    candidates = [s for s in _SEPARATORS if len(_split(header, s)) > 1] or [BLANKS]
+    n_even = {}
+    for separator in candidates:
+        n = n_columns or len(_split(header, separator))
+        n_even[separator] = sum(len(_split(line, separator)) == n for line in lines)
+    best = max(candidates, key=lambda separator: n_even[separator])
+    if best == BLANKS:
+        enough = n_columns is not None or 2 * n_even[best] > len(lines)
+        return BLANKS if enough and len(header.split()) > 1 else ","
+    clear = list(n_even.values()).count(n_even[best]) == 1
+    return best if clear else candidates[0]
 
 
 def _split(line: str, separator: str) -> list[str]:

@@ -65,6 +65,37 @@ class LogTable(Table):
         return replace(self, columns=columns, number=self.number[rows], origin=self.origin[rows])
 
 
+def from_table(
+    table: Table,
+    columns: Mapping[str, Array],
+    *,
+    labels: Mapping[str, tuple[str, ...]] | None = None,
+    names: Mapping[str, str] | None = None,
+) -> LogTable:
+    """Return a file's table under our names and in our units.
+
+    Parameters
+    ----------
+    table
+        The table as it was read.
+    columns
+        Our columns, with a value for each of its rows.
+    labels, names
+        Like those of :class:`LogTable`.
+    """
+    first_row = 1 if table.dialect is None else table.dialect.header_row + 1
+    return LogTable(
+        path=table.path,
+        columns=columns,
+        labels={} if labels is None else labels,
+        unknown=table.unknown,
+        number=np.arange(len(table), dtype=np.int64) + first_row,
+        origin=np.zeros(len(table), np.int64),
+        origins=(f"{table.path}, row",),
+        names={} if names is None else names,
+    )
+
+
 class LogRows:
     """Rows that grow one by one, in bounded memory.
 

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar, cast
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64, InputError
+from gaia_uwb._shared import Array, Float64, InputError, counted
 from gaia_uwb.logs._cells import Kind
+from gaia_uwb.logs._logs import LogTable
 from gaia_uwb.logs._plausible import check_geodetic, check_near, check_site
 from gaia_uwb.logs._table import Table, read_names
 from gaia_uwb.projection import to_local
 from gaia_uwb.scene import LocalFrame
+
+T = TypeVar("T", bound=Table)
+
+_NEAR_DEG = 1.0
+"""Nearer to latitude 0, longitude 0 than this, a drive may go through it."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +49,58 @@ def place_kinds(path: Path, kind: Kind) -> tuple[dict[str, Kind], dict[str, Kind
     if {"up_m", "alt_m"} <= names and kind is Kind.OPTIONAL:
         raise InputError("has both up_m and alt_m: keep one", source=path)
     return {"lat": kind, "lon": kind}, {"alt_m": kind}
+
+
+def only_fixes(drive: T) -> tuple[T, list[str]]:
+    """Leave out the rows of a trajectory where the receiver knew no place, yet.
+
+    Parameters
+    ----------
+    drive
+        With the columns of :func:`place_kinds`.
+
+    Returns
+    -------
+    Table
+        The rows that have a place and do not stand at latitude 0, longitude 0 (if others do not
+        stand near it): so receivers write it until they have a fix.
+    list of str
+        Notes on the rows that were left out.
+
+    Raises
+    ------
+    InputError
+        If no row is left, or a row that is left has no height where others have one.
+    """
+    east, north = ("lon", "lat") if "lat" in drive else ("east_m", "north_m")
+    notes = []
+    known = np.isfinite(drive[east]) & np.isfinite(drive[north])
+    if not known.all():
+        notes.append(_left_out(drive, ~known, "without a place"))
+        if not known.any():
+            raise drive.error("no row has a place", column=north)
+        drive = cast(T, drive.take(known))
+    at_zero = (drive[east] == 0) & (drive[north] == 0)
+    away_deg = np.hypot(drive[east], drive[north])[~at_zero]
+    if north == "lat" and at_zero.any() and len(away_deg) and away_deg.min() > _NEAR_DEG:
+        notes.append(_left_out(drive, at_zero, "at latitude 0, longitude 0 (no fix)"))
+        drive = cast(T, drive.take(~at_zero))
+    for name in ("up_m", "alt_m"):
+        unknown = ~np.isfinite(drive[name]) if name in drive else np.zeros(0, np.bool_)
+        if unknown.any():
+            index = int(np.argmax(unknown))
+            raise drive.error("expected a finite number, got nothing", index=index, column=name)
+    return drive, notes
+
+
+def _left_out(table: Table, rows: Array, what: str) -> str:
+    """Return the note on rows that are left out."""
+    index = int(np.argmax(rows))
+    row = table.error("", index=index).row
+    if isinstance(table, LogTable):
+        row = int(table.number[index])
+    some = counted(int(rows.sum()), "row")
+    return f"{table.path.name}: skipped {some} {what}, the first is row {row}"
 
 
 def first_place(table: Table) -> LocalFrame | None:

@@ -12,16 +12,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from gaia_uwb._shared import Array, InputError, counted
 from gaia_uwb.config import Settings
 from gaia_uwb.logs._cells import Kind
 from gaia_uwb.logs._dates import seconds_of, way_out
-from gaia_uwb.logs._logs import MAX_ANCHORS, LogTable, join
+from gaia_uwb.logs._logs import MAX_ANCHORS, LogTable, from_table, join
 from gaia_uwb.logs._selection import Value
 from gaia_uwb.logs._stamps import StampOptions
 from gaia_uwb.logs._table import Table, read_names, read_table
@@ -127,7 +127,7 @@ class RangeColumns(Settings):
 
 
 def read_trajectory(
-    path: Path, columns: TrajectoryColumns, stamps: StampOptions
+    path: Path, columns: TrajectoryColumns | None, stamps: StampOptions
 ) -> tuple[LogTable, list[str]]:
     """Read a trajectory.
 
@@ -136,7 +136,7 @@ def read_trajectory(
     path
         CSV or Parquet file.
     columns
-        Which column is what.
+        Which column is what; ``None``: they bear GAIA's own names.
     stamps
         How to read dates and times without a zone.
 
@@ -153,6 +153,7 @@ def read_trajectory(
     InputError
         If the file cannot be read, lacks a column, or a cell is wrong.
     """
+    columns = _own(path, TrajectoryColumns) if columns is None else columns
     table = read_table(path, _kinds(path, _columns(columns)))
     log = _log_table(table, _columns(columns), stamps)
     if "down_m" in log:
@@ -164,7 +165,7 @@ def read_trajectory(
 
 def read_ranges(
     path: Path,
-    columns: RangeColumns,
+    columns: RangeColumns | None,
     stamps: StampOptions,
     *,
     where: Mapping[str, Value | Sequence[Value]] | None = None,
@@ -194,6 +195,7 @@ def read_ranges(
         Like :func:`read_trajectory`; and if there is no range, or there are ranges of several tags.
     """
     where = {} if where is None else where
+    columns = _own(path, RangeColumns) if columns is None else columns
     mapped = _columns(columns)
     if columns.anchors is not None:
         mapped = {f"anchor {k}": _column(c) for k, c in enumerate(columns.anchors.values())}
@@ -249,6 +251,20 @@ def _check_where(table: Table, where: Mapping[str, Value | Sequence[Value]]) -> 
             raise InputError("where cannot use a column of numbers", source=table.path, column=name)
 
 
+M = TypeVar("M", TrajectoryColumns, RangeColumns)
+
+
+def _own(path: Path, model: type[M]) -> M:
+    """Return the map of a table whose columns bear our names."""
+    names = [name for name in read_names(path) if name in model.model_fields]
+    try:
+        return model.model_validate({name: name for name in names})
+    except ValidationError as error:
+        wanted = ", ".join(name for name in model.model_fields if name != "anchors")
+        problem = f"has not the columns of GAIA's own format ({wanted}): map them by columns"
+        raise InputError(problem, source=path) from error
+
+
 def _column(given: str | Column) -> Column:
     return Column(column=given) if isinstance(given, str) else given
 
@@ -285,17 +301,9 @@ def _log_table(
     """Return the mapped columns under our names and in our units."""
     ours = {name: _values(table, name, column, stamps, missing) for name, column in columns.items()}
     ids = columns.get("anchor_id")
-    first_row = 1 if table.dialect is None else table.dialect.header_row + 1
-    return LogTable(
-        path=table.path,
-        columns=ours,
-        labels={} if ids is None else {"anchor_id": table.labels[ids.names[0]]},
-        unknown=table.unknown,
-        number=np.arange(len(table), dtype=np.int64) + first_row,
-        origin=np.zeros(len(table), np.int64),
-        origins=(f"{table.path}, row",),
-        names={name: " and ".join(column.names) for name, column in columns.items()},
-    )
+    labels = {} if ids is None else {"anchor_id": table.labels[ids.names[0]]}
+    names = {name: " and ".join(column.names) for name, column in columns.items()}
+    return from_table(table, ours, labels=labels, names=names)
 
 
 def _is_range(name: str) -> bool:
@@ -305,7 +313,7 @@ def _is_range(name: str) -> bool:
 def _kind(name: str) -> Kind:
     if name == "anchor_id":
         return Kind.TEXT
-    return Kind.OPTIONAL if name.startswith("rssi") or _is_range(name) else Kind.NUMBER
+    return Kind.NUMBER if name == "t_s" else Kind.OPTIONAL  # an empty cell: no fix, no range
 
 
 def _values(

@@ -8,6 +8,7 @@ and metres, project, and move to the tag's antenna.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from gaia_uwb._shared import InputError
 from gaia_uwb.logs import _plausible
 from gaia_uwb.logs._lever_arm import LeverArm, move_to_tag
 from gaia_uwb.logs._logs import LogTable, join
-from gaia_uwb.logs._places import Places, first_place, to_places
+from gaia_uwb.logs._places import Places, first_place, only_fixes, to_places
 from gaia_uwb.logs._scenes import make_truth, range_log, ranges_of_drive, read_anchors
 from gaia_uwb.logs._stamps import DAY_S
 from gaia_uwb.logs._tidy import tidy
@@ -26,11 +27,16 @@ from gaia_uwb.logs.input_description import (
     CsvRanges,
     CsvTrajectory,
     FrameInput,
+    GuessedTrajectory,
     InputDescription,
+    KittiTrajectory,
     NmeaTrajectory,
+    PlainTrajectory,
     RosRanges,
     RosTrajectory,
+    RtklibTrajectory,
     SerialRanges,
+    TrajectoryInput,
     read_description,
 )
 from gaia_uwb.logs.ros import RosLog
@@ -151,23 +157,53 @@ class _Reader:
         return scene, scene.notes
 
     def _drive(self) -> LogTable:
-        from gaia_uwb.logs import csv_map
-        from gaia_uwb.logs.nmea import read_nmea
-
-        match self._description.trajectory:
-            case RosTrajectory() as given:
-                log = self._ros(given)
-                table, notes = log.trajectory(given.topic, given.clock), log.notes
-            case NmeaTrajectory() as given:
-                table, notes = read_nmea(self._path(given.file), given.stamps, given.clock)
-            case CsvTrajectory() as given:
-                path = self._path(given.file)
-                table, notes = csv_map.read_trajectory(path, given.columns, given.stamps)
+        given = self._description.trajectory
+        if isinstance(given, GuessedTrajectory):
+            given = self._guessed(given)
+        table, notes = self._drive_of(given)
         self._notes += notes
-        table = self._tidy(table)
+        table, notes = only_fixes(self._tidy(table))
+        self._notes += notes
         _plausible.check_seconds(table)
         _plausible.check_timeline(table)
         return table
+
+    def _drive_of(self, given: TrajectoryInput) -> tuple[LogTable, list[str]]:
+        """Return a trajectory as its format's reader gives it, and the reader's notes."""
+        from gaia_uwb.logs import csv_map, trajectories
+
+        path = self._path(given.file)
+        match given:
+            case RosTrajectory():
+                log = self._ros(given)
+                table, notes = log.trajectory(given.topic, given.clock), log.notes
+            case NmeaTrajectory():
+                table, notes = trajectories.read_nmea(
+                    path, given.stamps, given.clock, given.checksums
+                )
+            case RtklibTrajectory():
+                table, notes = trajectories.read_rtklib(path, given.clock)
+            case KittiTrajectory():
+                times = self._path(given.times)
+                table, notes = trajectories.read_kitti(path, times, given.axes)
+            case PlainTrajectory():
+                read: Callable[[Path], tuple[LogTable, list[str]]]
+                read = getattr(trajectories, f"read_{given.format}")
+                table, notes = read(path)
+            case CsvTrajectory():
+                table, notes = csv_map.read_trajectory(path, given.columns, given.stamps)
+        return table, notes
+
+    def _guessed(self, given: GuessedTrajectory) -> TrajectoryInput:
+        """Return the description of a trajectory whose file tells its format."""
+        from gaia_uwb.logs.trajectories import guess_format
+
+        found = guess_format(self._path(given.file))
+        self._notes.append(f"{given.file}: read as {found}")
+        trajectory = {"file": given.file, "format": found}
+        return self._description.model_validate(
+            {**dict(self._description), "trajectory": trajectory}
+        ).trajectory
 
     def _ranges(self, drive_s: float) -> LogTable:
         """Return the ranges; a time of the drive dates stamps that lack a date or a year."""

@@ -63,22 +63,59 @@ class NmeaTrajectory(_File):
     format: Literal["nmea"]
     clock: Literal["gnss", "host"] = "gnss"
     """Which time counts: that of the sentence, or that of the stamp before it."""
+    checksums: Literal["required", "optional"] = "required"
+    """Whether sentences without a checksum are read."""
     stamps: StampOptions = StampOptions()
+
+
+class RtklibTrajectory(_File):
+    """A solution of RTKLIB."""
+
+    format: Literal["rtklib"]
+    clock: Literal["utc", "gps"] = "utc"
+    """The clock of the ranges, into which times are brought."""
+
+
+class KittiTrajectory(_File):
+    """Poses of the KITTI odometry benchmark's form."""
+
+    format: Literal["kitti"]
+    times: str = Field(min_length=1)
+    """File with the time of each pose, in seconds."""
+    axes: Literal["camera", "east-north-up"] = "camera"
+    """Of the positions: x right, y down, z ahead, or x east, y north, z up."""
+
+
+PlainFormat = Literal["tum", "euroc", "gpx", "ubx"]
+
+
+class PlainTrajectory(_File):
+    """A trajectory in a format that leaves nothing to say."""
+
+    format: PlainFormat
+
+
+class GuessedTrajectory(_File):
+    """A trajectory whose file tells its format."""
+
+    format: None = None
 
 
 class CsvTrajectory(_File):
     """A trajectory in a table."""
 
-    format: Literal["csv"]
-    columns: TrajectoryColumns
+    format: Literal["csv"] = "csv"
+    columns: TrajectoryColumns | None = None
+    """Which column is what; ``None``: they bear GAIA's own names."""
     stamps: StampOptions = StampOptions()
 
 
 class CsvRanges(_File):
     """Ranges in a table."""
 
-    format: Literal["csv"]
-    columns: RangeColumns
+    format: Literal["csv"] = "csv"
+    columns: RangeColumns | None = None
+    """Which column is what; ``None``: they bear GAIA's own names."""
     where: Where = Field(default_factory=dict)
     """Which rows count: column -> the value that it must have, or one of several."""
     missing: Missing = Field(default_factory=list)
@@ -109,8 +146,35 @@ class FrameInput(Settings):
     alt_m: float = Field(default=0.0, ge=-1e5, le=1e5)
 
 
+_TRAJECTORIES = {name: name for name in ("csv", "nmea", "ros", "rtklib", "kitti")}
+_TRAJECTORIES |= dict.fromkeys(get_args(PlainFormat), "plain")
+
+
+def _kind_of_trajectory(given: object) -> str | None:
+    """Return which model describes a trajectory; columns are a table's."""
+    form = _get(given, "format")
+    if form is None:
+        return "csv" if _get(given, "columns") is not None else "guessed"
+    return _TRAJECTORIES.get(form) if isinstance(form, str) else None
+
+
+def _get(given: object, key: str) -> object:
+    return given.get(key) if isinstance(given, dict) else getattr(given, key, None)
+
+
 TrajectoryInput = Annotated[
-    RosTrajectory | NmeaTrajectory | CsvTrajectory, Field(discriminator="format")
+    Annotated[CsvTrajectory, Tag("csv")]
+    | Annotated[NmeaTrajectory, Tag("nmea")]
+    | Annotated[RosTrajectory, Tag("ros")]
+    | Annotated[RtklibTrajectory, Tag("rtklib")]
+    | Annotated[KittiTrajectory, Tag("kitti")]
+    | Annotated[PlainTrajectory, Tag("plain")]
+    | Annotated[GuessedTrajectory, Tag("guessed")],
+    Discriminator(
+        _kind_of_trajectory,
+        custom_error_type="format",
+        custom_error_message=f"format should be one of {', '.join(_TRAJECTORIES)}",
+    ),
 ]
 
 
@@ -119,9 +183,9 @@ _RANGES = {"ros": "ros", "csv": "csv"} | dict.fromkeys(get_args(SerialFormat), "
 
 def _kind_of_ranges(given: object) -> str | None:
     """Return which model describes ranges; without a format, a serial log tells its own."""
-    form = given.get("format") if isinstance(given, dict) else getattr(given, "format", None)
+    form = _get(given, "format")
     if form is None:
-        return "serial"
+        return "csv" if _get(given, "columns") is not None else "serial"
     return _RANGES.get(form) if isinstance(form, str) else None
 
 
@@ -157,6 +221,8 @@ class InputDescription(Settings):
         inputs = (self.trajectory, *self.ranges)
         folders = [given.msg_dir for given in inputs if isinstance(given, _Ros)]
         named = [given.file for given in inputs] + [self.anchors, *folders]
+        if isinstance(self.trajectory, KittiTrajectory):
+            named.append(self.trajectory.times)
         return [name for name in named if name is not None]
 
 

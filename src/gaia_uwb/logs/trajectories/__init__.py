@@ -1,0 +1,5 @@
+"""Read the path that the vehicle drove, from the files of GNSS receivers and of odometry."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
