@@ -170,7 +170,7 @@ def test_only_the_rows_of_one_tag(tmp_path: Path) -> None:
     for value in (2, "2", 2.0, [2]):
         table, notes = read_ranges(path, columns, STAMPS, where={"tagId": value})
         assert table["range_m"].tolist() == [9.0, 8.0]
-        assert notes == ["log.csv: 2 rows of 4 by where"]
+        assert notes == ["log.csv: 2 of 4 rows are those that where wants"]
     with pytest.raises(InputError, match="no row has what where wants; there are: '1', '2'"):
         read_ranges(path, columns, STAMPS, where={"tagId": 3})
     with pytest.raises(InputError, match="column tag: missing"):

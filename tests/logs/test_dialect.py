@@ -52,8 +52,8 @@ def test_what_spreadsheets_and_loggers_write(
     path = write(tmp_path, content, encoding)
     table = read_table(path, KINDS)
     assert rows(table) == ROWS
-    assert note in "".join(table.notes())
-    assert bool(note) == bool(table.notes())
+    assert note in "".join(table.remarks)
+    assert bool(note) == bool(table.remarks)
 
 
 def test_any_number_of_blanks_and_a_name_in_a_comment(tmp_path: Path) -> None:
@@ -62,7 +62,7 @@ def test_any_number_of_blanks_and_a_name_in_a_comment(tmp_path: Path) -> None:
         read_table(path, KINDS)
     table = read_table(write(tmp_path, path.read_bytes().replace(b"\nx 3 c", b"")), KINDS)
     assert rows(table) == [(0.5, -1.25, "a"), (1.0, 2.0, "b")]
-    assert table.notes() == ["log.csv: read with blanks between the columns"]
+    assert table.remarks == ("log.csv: read with blanks between the columns",)
     assert str(table.error("is odd", index=1)) == f"{path}, row 5: is odd"
 
 

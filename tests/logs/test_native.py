@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 from pathlib import Path
 from typing import IO, Any, Literal
 
@@ -124,7 +125,7 @@ GEO = "t_s,lat,lon\n0,48.1,11.5\n1,48.1001,11.5\n"
 def make_folder(tmp_path: Path, **files: str) -> Path:
     """Write a small good scene with some files replaced; the key's last _ stands for a dot."""
     folder = tmp_path / "drive"
-    folder.mkdir()
+    folder.mkdir(parents=True)
     contents = {"trajectory_csv": DRIVE, "ranges_csv": RANGES, **files}
     for name, content in contents.items():
         (folder / ".".join(name.rsplit("_", 1))).write_text(content, encoding="utf-8")
@@ -252,7 +253,7 @@ def test_a_frame_moves_the_origin(tmp_path: Path) -> None:
             "row 2, column t_s: expected seconds, got 1.73002e+18, which looks like nanoseconds",
         ),
         ({"ranges_csv": RANGES + "1.7e12,a,3\n"}, "row 5, column t_s: expected seconds, got 1.7e"),
-        ({"ranges_csv": RANGES.replace("6.5", "NaN")}, "ranges.csv, row 3, column range_m: expec"),
+        ({"ranges_csv": RANGES.replace("6.5", "x")}, "ranges.csv, row 3, column range_m: expec"),
         (
             {
                 "trajectory_csv": "t_s,east_m,north_m\n0,0,0\n1,3000,0\n",
@@ -288,7 +289,7 @@ def test_a_frame_moves_the_origin(tmp_path: Path) -> None:
             "row 3, column alt_m: expected a number between -100000 and 100000, got 3e+06",
         ),
         (
-            {"trajectory_csv": "t_s,lat,lon\n0,48.1,11.5\n1,0,0\n"},
+            {"trajectory_csv": "t_s,lat,lon\n0,48.1,11.5\n1,0,10\n"},
             "row 3, column lat: expected a position near the origin at lat 48.1, lon 11.5, got one",
         ),
         ({"scene_yaml": "frame: [1"}, "scene.yaml: cannot be read: line 2: did not find"),
@@ -405,3 +406,104 @@ def test_a_pipe_or_a_broken_link_is_told_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "scene.yaml")
     with pytest.raises(InputError, match=r"scene\.yaml: cannot be read: .*not a regular file"):
         read_native(tmp_path)
+
+
+def test_empty_cells_are_no_ranges(tmp_path: Path) -> None:
+    rows = ["0,a,5", "0.2,b,", "0.4,a,NaN", "0.6,b,6.5", "0.8,a,-1", "1,b,65.535"]
+    text = "t_s,anchor_id,range_m\n" + "\n".join(rows) + "\n"
+    folder = make_folder(tmp_path, ranges_csv=text, scene_yaml="missing: [-1, 65.535]")
+    scene, notes = read_with_notes(folder)
+    assert scene.ranges.range_m.tolist() == [5.0, 6.5]
+    assert "ranges.csv: skipped 4 cells without a range (empty, or -1, 65.535)" in notes
+    empty = "t_s,anchor_id,range_m\n0,a,\n1,a,\n"
+    with pytest.raises(InputError, match=r"ranges\.csv, column range_m: contains no ranges"):
+        read_native(make_folder(tmp_path / "none", ranges_csv=empty))
+
+
+def test_two_tags_in_one_table_are_refused_until_one_is_chosen(tmp_path: Path) -> None:
+    text = "t_s,tag_id,anchor_id,range_m\n0,T1,a,5\n0.1,T2,a,9\n1,T1,a,6\n1.1,T2,a,8\n"
+    folder = make_folder(tmp_path, ranges_csv=text)
+    with pytest.raises(InputError, match="column tag_id: holds ranges of 2 tags") as caught:
+        read_native(folder)
+    (way_out,) = re.findall("(where: {.*}) in scene.yaml", str(caught.value))
+    (folder / "scene.yaml").write_text(way_out, encoding="utf-8")
+    scene, notes = read_with_notes(folder)
+    assert scene.ranges.range_m.tolist() == [5.0, 6.0]
+    assert "ranges.csv: 2 of 4 rows are those that where wants" in notes
+    one = make_folder(tmp_path / "one", ranges_csv=text.replace("T2", "T1"))
+    assert len(read_native(one).ranges.t_s) == 4
+
+
+@pytest.mark.parametrize("tags", [("00:11:22", "no"), ("010", "10"), ("on", "off"), ("it's", "a")])
+def test_the_way_out_can_be_copied(tmp_path: Path, tags: tuple[str, str]) -> None:
+    rows = "".join(f"{k / 10},{tag},a,{k + 5}\n" for k, tag in enumerate(tags * 2))
+    folder = make_folder(tmp_path, ranges_csv="t_s,tag,anchor_id,range_m\n" + rows)
+    with pytest.raises(InputError) as caught:
+        read_native(folder)
+    (way_out,) = re.findall("(where: {.*}) in scene.yaml", str(caught.value))
+    (folder / "scene.yaml").write_text(way_out, encoding="utf-8")
+    assert len(read_native(folder).ranges.t_s) == 2
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ("0,0,0\n1,0.0,0\n2,48.1,11.5\n3,48.1001,11.5\n", "2 rows at latitude 0, longitude 0"),
+        ("1,,\n2,48.1,11.5\n3,48.1001,11.5\n", "1 row without a place"),
+    ],
+)
+def test_rows_without_a_fix_are_named_and_left_out(tmp_path: Path, rows: str, words: str) -> None:
+    ranges = "t_s,anchor_id,range_m\n2.5,a,5\n"
+    folder = make_folder(tmp_path, trajectory_csv="t_s,lat,lon\n" + rows, ranges_csv=ranges)
+    scene, notes = read_with_notes(folder)
+    assert scene.trajectory.t_s.tolist() == [2, 3]
+    assert scene.frame == LocalFrame(48.1, 11.5, 0.0)
+    assert any(words in note and "the first is row 2" in note for note in notes)
+
+
+def test_a_drive_that_goes_through_zero_zero_stays_whole(tmp_path: Path) -> None:
+    rows = "t_s,lat,lon\n0,0,0\n1,0.0001,0\n2,0.0002,0\n"
+    ranges = "t_s,anchor_id,range_m\n1,a,5\n"
+    folder = make_folder(tmp_path, trajectory_csv=rows, ranges_csv=ranges)
+    assert len(read_native(folder).trajectory.t_s) == 3
+
+
+def test_a_place_without_a_height_among_heights_is_refused(tmp_path: Path) -> None:
+    rows = "t_s,lat,lon,alt_m\n0,48,11,5\n1,48,11,\n"
+    with pytest.raises(InputError, match="row 3, column alt_m: expected a finite number, got noth"):
+        read_native(make_folder(tmp_path, trajectory_csv=rows))
+
+
+def test_heights_above_the_ellipsoid_everywhere(tmp_path: Path) -> None:
+    folder = make_folder(
+        tmp_path,
+        trajectory_csv="t_s,east_m,north_m,alt_m\n0,0,0,521.5\n2,10,0,522\n",
+        ranges_csv="t_s,anchor_id,range_m\n1,a,5\n1,b,6\n",
+        anchors_csv="anchor_id,alt_m\na,520.25\nb,\n",
+        scene_yaml="frame: {lat_deg: 48.0, lon_deg: 11.0, alt_m: 520.0}",
+    )
+    scene = read_native(folder)
+    assert scene.trajectory.up_m is not None
+    assert scene.trajectory.up_m.tolist() == [1.5, 2.0]
+    np.testing.assert_array_equal(scene.anchor_up_m, [0.25, np.nan])
+    wrong = (folder / "anchors.csv").write_text("anchor_id,alt_m\na,5e5\n", encoding="utf-8")
+    assert wrong
+    with pytest.raises(InputError, match="row 2, column alt_m: expected metres between"):
+        read_native(folder)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_tables_of_a_spreadsheet_in_europe(tmp_path: Path, separator: str, encoding: str) -> None:
+    folder = make_folder(tmp_path)
+    tables = {
+        "trajectory": "t_s;east_m;north_m\r\n0,0;0,0;0,5\r\n1,5;10,25;0,5\r\n",
+        "ranges": "t_s;anchor_id;range_m\r\n0,5;a,1;5,25\r\n1,0;b;\r\n",
+    }
+    for name, text in tables.items():
+        path = folder / f"{name}.csv"
+        path.write_bytes(text.replace(";", separator).encode(encoding))
+    scene, notes = read_with_notes(folder)
+    assert scene.trajectory.position_m.tolist() == [[0, 0.5], [10.25, 0.5]]
+    assert (scene.anchor_ids, scene.ranges.range_m.tolist()) == (("a,1", "b"), [5.25])
+    assert sum("between the columns and decimal commas" in note for note in notes) == 2

@@ -84,12 +84,13 @@ def from_table(
         Like those of :class:`LogTable`.
     """
     first_row = 1 if table.dialect is None else table.dialect.header_row + 1
+    kept = np.arange(len(table), dtype=np.int64) if table.kept is None else table.kept
     return LogTable(
         path=table.path,
         columns=columns,
         labels={} if labels is None else labels,
         unknown=table.unknown,
-        number=np.arange(len(table), dtype=np.int64) + first_row,
+        number=kept + first_row,
         origin=np.zeros(len(table), np.int64),
         origins=(f"{table.path}, row",),
         names={} if names is None else names,

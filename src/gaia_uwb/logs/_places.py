@@ -1,4 +1,4 @@
-"""The places in a table: ``east_m,north_m[,up_m]``, or ``lat,lon[,alt_m]`` to be projected."""
+"""The places in a table: ``east_m,north_m`` or ``lat,lon``, and heights: ``up_m`` or ``alt_m``."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from gaia_uwb.scene import LocalFrame
 
 T = TypeVar("T", bound=Table)
 
+_MAX_HEIGHT_M = 1e5
 _NEAR_DEG = 1.0
 """Nearer to latitude 0, longitude 0 than this, a drive may go through it."""
 
@@ -42,12 +43,11 @@ def place_kinds(path: Path, kind: Kind) -> tuple[dict[str, Kind], dict[str, Kind
     on_site, on_earth = names & {"east_m", "north_m"}, names & {"lat", "lon"}
     if on_site and on_earth:
         raise InputError("has both east_m,north_m and lat,lon: keep one pair", source=path)
+    height = {"up_m": kind} if "up_m" in names else {"alt_m": kind}
     if on_site:
-        return {"east_m": kind, "north_m": kind}, {"up_m": kind}
+        return {"east_m": kind, "north_m": kind}, height
     if not on_earth:
-        return {}, {}
-    if {"up_m", "alt_m"} <= names and kind is Kind.OPTIONAL:
-        raise InputError("has both up_m and alt_m: keep one", source=path)
+        return {}, height
     return {"lat": kind, "lon": kind}, {"alt_m": kind}
 
 
@@ -118,6 +118,17 @@ def first_place(table: Table) -> LocalFrame | None:
     return LocalFrame(float(table["lat"][0]), float(table["lon"][0]), alt_m)
 
 
+def _above_origin(table: Table, frame: LocalFrame | None) -> Float64[Array, "R"]:
+    """Return ellipsoidal heights as heights above the origin; without a frame that is at 0."""
+    alt_m = table["alt_m"]
+    wrong = np.abs(alt_m) > _MAX_HEIGHT_M
+    if wrong.any():
+        index = int(np.argmax(wrong))
+        problem = f"expected metres between -1e5 and 1e5, got {alt_m[index]:g}"
+        raise table.error(problem, index=index, column="alt_m")
+    return alt_m - (0.0 if frame is None else frame.alt_m)
+
+
 def to_places(table: Table, frame: LocalFrame | None) -> Places:
     """Return a table's places in the local frame.
 
@@ -128,6 +139,8 @@ def to_places(table: Table, frame: LocalFrame | None) -> Places:
         no frame.
     """
     up_m = table.get("up_m")
+    if up_m is None and "lat" not in table and "alt_m" in table:
+        up_m = _above_origin(table, frame)
     check_site(table)
     if "east_m" in table:
         return Places(np.column_stack([table["east_m"], table["north_m"]]), up_m)

@@ -9,12 +9,12 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64, Int64, shown
+from gaia_uwb._shared import Array, Float64, InputError, Int64, shown
 from gaia_uwb.logs._cells import Kind
 from gaia_uwb.logs._placeholders import Drive, no_ranges
 from gaia_uwb.logs._places import place_kinds, to_places
 from gaia_uwb.logs._plausible import check_one_drive, check_seconds
-from gaia_uwb.logs._table import Table, read_table
+from gaia_uwb.logs._table import Table, read_names, read_table
 from gaia_uwb.scene import LocalFrame, RangeLog, Truth
 
 _Table = TypeVar("_Table", bound=Table)
@@ -43,6 +43,8 @@ def read_anchors(path: Path | None, frame: LocalFrame | None, ranged: tuple[str,
         return Anchors(None, ids, np.full((len(ids), 2), np.nan), None)
     survey, heights = place_kinds(path, Kind.OPTIONAL)
     optional = {"up_m": Kind.OPTIONAL, **heights}
+    if {"up_m", "alt_m"} <= optional.keys() & set(read_names(path)):
+        raise InputError("has both up_m and alt_m: keep one", source=path)
     table = read_table(path, {"anchor_id": Kind.TEXT, **survey}, optional)
     codes, labels = table["anchor_id"], table.labels["anchor_id"]
     listed = tuple(labels[code] for code in codes)

@@ -53,6 +53,8 @@ class Table:
         How the file holds the table; ``None`` for Parquet.
     kept : (R,)
         Which of the file's rows the values are of, from 0; ``None`` if all are there.
+    remarks
+        What a user should know of how the file was read, and what was left out.
     """
 
     path: Path
@@ -61,6 +63,7 @@ class Table:
     unknown: tuple[str, ...]
     dialect: Dialect | None = None
     kept: Int64[Array, "R"] | None = None
+    remarks: tuple[str, ...] = ()
 
     def __contains__(self, name: str) -> bool:
         return name in self.columns
@@ -74,10 +77,6 @@ class Table:
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
-
-    def notes(self) -> list[str]:
-        """Return what a user should know who expects a plain CSV file."""
-        return [] if self.dialect is None else self.dialect.notes(self.path)
 
     def take(self, rows: Array) -> Table:
         """Return the table of some rows, named by index or by a mask."""
@@ -145,7 +144,8 @@ def read_table(
         name: _to_array(frame[name], kind, labels.get(name, ())) for name, kind in kinds.items()
     }
     unknown = tuple(name for name in header if name not in known)
-    return Table(path, columns, labels, unknown, dialect)
+    remarks = () if dialect is None else tuple(dialect.notes(path))
+    return Table(path, columns, labels, unknown, dialect, remarks=remarks)
 
 
 def read_names(path: Path) -> list[str]:

@@ -17,7 +17,7 @@ from typing import Annotated, TypeVar
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from gaia_uwb._shared import Array, InputError, counted
+from gaia_uwb._shared import Array, InputError
 from gaia_uwb.config import Settings
 from gaia_uwb.logs._cells import Kind
 from gaia_uwb.logs._dates import seconds_of, way_out
@@ -25,7 +25,7 @@ from gaia_uwb.logs._logs import MAX_ANCHORS, LogTable, from_table, join
 from gaia_uwb.logs._selection import Value
 from gaia_uwb.logs._stamps import StampOptions
 from gaia_uwb.logs._table import Table, read_names, read_table
-from gaia_uwb.logs._tags import check_one_tag, rows_where, tag_columns
+from gaia_uwb.logs._tags import choose_rows, gaps_remark, tag_columns, with_nothing
 
 _Name = Annotated[str, Field(min_length=1)]
 
@@ -160,7 +160,7 @@ def read_trajectory(
         values = {name: values for name, values in log.columns.items() if name != "down_m"}
         names = {**log.names, "up_m": log.names["down_m"]}
         log = replace(log, columns={**values, "up_m": -log["down_m"]}, names=names)
-    return log, table.notes()
+    return log, list(table.remarks)
 
 
 def read_ranges(
@@ -204,19 +204,12 @@ def read_ranges(
     choices = {name: Kind.ANYTHING for name in where if name not in kinds}
     tags = [name for name in tag_columns(read_names(path)) if name not in kinds]
     table = read_table(path, kinds | choices, dict.fromkeys(tags, Kind.ANYTHING))
-    _check_where(table, where)
-    kept = rows_where(table, where)
-    check_one_tag(table, tags, kept, "this file's entry in gaia.yaml")
-    notes = table.notes()
-    if not kept.all():
-        notes.append(f"{path.name}: {counted(int(kept.sum()), 'row')} of {len(table):,} by where")
-    log = _log_table(table, mapped, stamps, missing).take(kept)
-    n_missing = sum(int(np.isnan(log[name]).sum()) for name in mapped if _is_range(name))
+    table = choose_rows(table, where, tags, "this file's entry in gaia.yaml")
+    notes = list(table.remarks)
+    log = _log_table(table, mapped, stamps, missing)
+    n_gaps = sum(int((~np.isfinite(log[name])).sum()) for name in mapped if _is_range(name))
     log = _without_gaps(log) if columns.anchors is None else _unfold(log, columns.anchors)
-    if n_missing:
-        numbers = f" (empty, or {', '.join(f'{m:g}' for m in missing)})" if missing else ""
-        notes.append(f"{path.name}: skipped {counted(n_missing, 'cell')} without a range{numbers}")
-    return log, notes
+    return log, [*notes, gaps_remark(table, n_gaps, missing)] if n_gaps else notes
 
 
 def _without_gaps(log: LogTable) -> LogTable:
@@ -243,12 +236,6 @@ def _unfold(wide: LogTable, anchors: Mapping[str, str | Column]) -> LogTable:
     if not parts:
         raise InputError("contains no ranges in the columns of the anchors", source=wide.path)
     return join(parts)
-
-
-def _check_where(table: Table, where: Mapping[str, Value | Sequence[Value]]) -> None:
-    for name in where:
-        if name not in table.labels:
-            raise InputError("where cannot use a column of numbers", source=table.path, column=name)
 
 
 M = TypeVar("M", TrajectoryColumns, RangeColumns)
@@ -324,10 +311,8 @@ def _values(
     values = table[column.names[0]]
     if name == "anchor_id":
         return values
-    if missing and _is_range(name):
-        for number in missing:  # floats of 32 bits hold 65.535 to 7 digits only
-            placeholder = np.abs(values - number) <= 1e-7 * abs(number)
-            values = np.where(placeholder, np.nan, values)
+    if _is_range(name):
+        values = with_nothing(values, missing)
     with np.errstate(over="ignore"):  # what comes out as infinite is refused as such
         return values if column.scale == 1 else np.asarray(values * column.scale)
 

@@ -6,14 +6,17 @@
                     them, ``true_range_m,nlos,outlier,true_bias_m``
 ``anchors.csv``     optional: ``anchor_id[,up_m]`` and, where surveyed, ``east_m,north_m`` or
                     ``lat,lon[,alt_m]``
-``scene.yaml``      optional: ``name``, ``frame`` (``lat_deg``, ``lon_deg``, ``alt_m``) and
-                    ``clock_offset_s`` (the true one, where a simulator knows it)
+``scene.yaml``      optional: ``name``, ``frame`` (``lat_deg``, ``lon_deg``, ``alt_m``),
+                    ``clock_offset_s`` (the true one, where a simulator knows it), ``where``
+                    (column -> value of the ranges that count) and ``missing`` (lengths that mean
+                    "no range")
 ==================  ================================================================================
 
 Each table may be ``.parquet`` instead of ``.csv``. Seconds, metres, degrees, dBm; text is UTF-8.
 Positions are those of the tag's antenna. Without ``frame``, a trajectory in ``lat,lon`` takes its
-first sample as the local frame's origin. Heights (``up_m``) count from that origin. A height or a
-surveyed place that is not known is an empty cell.
+first sample as the local frame's origin. Heights (``up_m``) count from that origin; ``alt_m``, from
+the ellipsoid, may stand for them everywhere. What is not known is an empty cell: a height, a
+surveyed place, a range, and the place of the tag before there is a fix.
 
 What was surveyed or simulated (places and the four columns above) becomes the scene's truth, which
 only scores read. Rows may come in any order, as logs merge several radios; they are sorted by time,
@@ -46,9 +49,11 @@ from gaia_uwb._shared import (
 from gaia_uwb.config import LONGEST_NAME, Settings, settings_problems
 from gaia_uwb.logs import _plausible
 from gaia_uwb.logs._cells import Kind
-from gaia_uwb.logs._places import first_place, place_kinds, to_places
+from gaia_uwb.logs._places import first_place, only_fixes, place_kinds, to_places
 from gaia_uwb.logs._scenes import Anchors, make_truth, range_log, ranges_of_drive, read_anchors
+from gaia_uwb.logs._selection import Missing, Where
 from gaia_uwb.logs._table import Table, read_names, read_table
+from gaia_uwb.logs._tags import choose_rows, drop_missing, tag_columns
 from gaia_uwb.logs._tidy import tidy
 from gaia_uwb.scene import LocalFrame, Scene, Trajectory
 
@@ -76,6 +81,8 @@ class _SceneContent(Settings):
     name: str | None = Field(default=None, max_length=LONGEST_NAME)
     frame: _FrameContent | None = None
     clock_offset_s: float | None = None
+    where: Where = Field(default_factory=dict)
+    missing: Missing = Field(default_factory=list)
 
 
 def is_native(folder: Path) -> bool:
@@ -130,7 +137,7 @@ def read_with_notes(folder: Path) -> tuple[Scene, tuple[str, ...]]:
     _plausible.check_timeline(drive)
     frame = LocalFrame(**dict(content.frame)) if content.frame else first_place(drive)
     places = to_places(drive, frame)
-    log = tidy(_read_ranges(_need(folder, "ranges")))
+    log = tidy(_read_ranges(_need(folder, "ranges"), content))
     ranges, left_out = ranges_of_drive(log.table, drive, places.position_m)
     anchors = read_anchors(_find(folder, "anchors"), frame, ranges.labels["anchor_id"])
     order = np.argsort(ranges["t_s"], kind="stable")
@@ -239,20 +246,26 @@ def _read_scene_file(path: Path) -> _SceneContent:
 
 
 def _read_trajectory(path: Path) -> Table:
-    places, heights = place_kinds(path, Kind.NUMBER)
+    places, heights = place_kinds(path, Kind.OPTIONAL)
     if not places:
         names = ", ".join(map(repr, read_names(path)))
         problem = f"expected the columns east_m,north_m or lat,lon, got {names[:200]}"
         raise InputError(problem, source=path)
-    table = read_table(path, {"t_s": Kind.NUMBER, **places}, heights)
+    table, notes = only_fixes(read_table(path, {"t_s": Kind.NUMBER, **places}, heights))
+    table = replace(table, remarks=(*table.remarks, *notes))
     _plausible.check_seconds(table)
     return table
 
 
-def _read_ranges(path: Path) -> Table:
-    needed = {"t_s": Kind.NUMBER, "anchor_id": Kind.TEXT, "range_m": Kind.NUMBER}
+def _read_ranges(path: Path, content: _SceneContent) -> Table:
+    needed = {"t_s": Kind.NUMBER, "anchor_id": Kind.TEXT, "range_m": Kind.OPTIONAL}
     signal = {"rssi_dbm": Kind.OPTIONAL, "rssi_fp_dbm": Kind.OPTIONAL}
-    return read_table(path, needed, {**signal, **_TRUTH})
+    tags = tag_columns(read_names(path))
+    choices = {name: Kind.ANYTHING for name in content.where if name not in needed}
+    known = {**dict.fromkeys(tags, Kind.ANYTHING), **signal, **_TRUTH}
+    table = read_table(path, {**choices, **needed}, known)
+    table = choose_rows(table, content.where, tags, "scene.yaml")
+    return drop_missing(table, content.missing)
 
 
 def _notes(scene: Scene, drive: Table, ranges: Table, anchors: Anchors) -> Iterator[str]:
@@ -260,6 +273,8 @@ def _notes(scene: Scene, drive: Table, ranges: Table, anchors: Anchors) -> Itera
     for table in (drive, ranges, anchors.table):
         if table is not None and table.unknown:
             yield f"{table.path.name}: ignored columns: {', '.join(table.unknown)}"
+    for table in (drive, ranges, anchors.table):
+        yield from () if table is None else table.remarks
     n_listed = 0 if anchors.table is None else len(anchors.table)
     if anchors.table is not None and n_listed < scene.n_anchors:
         missing = ", ".join(anchors.ids[n_listed:])
