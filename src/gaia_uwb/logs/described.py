@@ -191,7 +191,10 @@ class _Reader:
                 read = getattr(trajectories, f"read_{given.format}")
                 table, notes = read(path)
             case CsvTrajectory():
-                table, notes = csv_map.read_trajectory(path, given.columns, given.stamps)
+                try:
+                    table, notes = csv_map.read_trajectory(path, given.columns, given.stamps)
+                except InputError as error:
+                    raise _or_other_format(error, path) from error
         return table, notes
 
     def _guessed(self, given: GuessedTrajectory) -> TrajectoryInput:
@@ -279,3 +282,17 @@ class _Reader:
         if not path.is_file():
             raise InputError("no such file (anchors)", source=path)
         return path
+
+
+def _or_other_format(error: InputError, path: Path) -> InputError:
+    """Return what is wrong with a table, and which format the file has if it is none."""
+    from gaia_uwb.logs.trajectories import guess_format
+
+    try:
+        found = guess_format(path)
+    except InputError:
+        return error
+    if found not in {"rtklib", "gpx", "ubx", "nmea"}:
+        return error
+    problem = f"{error.problem}; this is no table but {found}: format: {found} reads it"
+    return InputError(problem, source=error.source, row=error.row, column=error.column)

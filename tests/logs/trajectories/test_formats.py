@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import good_trajectories as good
 from gaia_uwb._shared.errors import GaiaError, InputError
@@ -75,6 +76,17 @@ def test_what_a_file_tells_of_its_format(tmp_path: Path, kind: str, content: str
 def test_what_it_does_not_tell(tmp_path: Path, content: str | bytes, words: str) -> None:
     with pytest.raises(InputError, match=words):
         guess_format(write(tmp_path, content))
+
+
+@pytest.mark.parametrize("kind", ["rtklib", "gpx", "ubx"])
+def test_a_file_that_is_mapped_as_a_table_and_is_none(tmp_path: Path, kind: str) -> None:
+    folder = good.TRAJECTORIES[kind](tmp_path)
+    description = yaml.safe_load((folder / "gaia.yaml").read_text(encoding="utf-8"))
+    columns = {"t_s": {"column": "GPST", "iso": True}, "lat": "latitude(deg)", "lon": "lon"}
+    description["trajectory"] |= {"format": "csv", "columns": columns}
+    (folder / "gaia.yaml").write_text(yaml.safe_dump(description), encoding="utf-8")
+    with pytest.raises(InputError, match=f"this is no table but {kind}: format: {kind} reads it"):
+        read_described(folder)
 
 
 # RTKLIB ------------------------------------------------------------------------------------------
