@@ -17,9 +17,9 @@ START_S = 1_700_000_000
 RECORDED_LATER_NS = 250_000_000
 
 
-def store(ros1: bool, definitions: dict[str, str]) -> Any:
+def store(ros1: bool, definitions: dict[str, str], release: Stores = Stores.ROS2_HUMBLE) -> Any:
     """Return the types of a format with a vendor's among them."""
-    types = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    types = get_typestore(Stores.ROS1_NOETIC if ros1 else release)
     for name, text in definitions.items():
         types.register(get_types_from_msg(text, name))
     return types
@@ -38,6 +38,8 @@ class Log:
         Type -> text of its ``.msg`` file.
     packed
         How to compress, for rosbags' writer.
+    release
+        Release of ROS 2 whose types are used.
     """
 
     def __init__(
@@ -46,9 +48,11 @@ class Log:
         kind: str,
         definitions: dict[str, str] | None = None,
         packed: tuple[Any, ...] = (),
+        release: Stores = Stores.ROS2_HUMBLE,
     ) -> None:
         self.ros1 = kind == "bag"
-        self.types = store(self.ros1, definitions or {VENDOR: FLAT})
+        self.types = store(self.ros1, definitions or {VENDOR: FLAT}, release)
+        folder.mkdir(parents=True, exist_ok=True)
         self.path = folder / ("log.bag" if self.ros1 else "log")
         self._kind = kind
         self._connections: dict[str, Any] = {}

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +16,7 @@ import yaml
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode
 
-from bags import FORMATS, write_drive
+from bags import FORMATS, START_S, Log, write_drive
 from good_trajectories import TRAJECTORIES
 
 LEC = "{t:.2f} DIST,2,AN0,022E,7.94,8.03,0.00,{a:.2f},AN1,0C1D,1.00,0.00,0.00,{b:.2f}\n"
@@ -181,6 +184,66 @@ def write_described_bag(folder: Path) -> Path:
     return folder
 
 
+VENDORS = {
+    "both-ends": (
+        "acme/msg/Range",
+        "std_msgs/Header header\nuint8 src\nuint8 dst\nfloat32 range\n",
+    ),
+    "places": ("nlink/msg/Frame", "uint8 id\nfloat32[8] dis_arr\n"),
+    "roles": ("nlink/msg/LinktrackNodeframe2", "uint8 id\nNode[] nodes\n"),
+    "old-range": ("sensor_msgs/msg/Range", ""),
+}
+"""Way to say which anchor a range is of -> a message's type and definition."""
+
+
+def write_vendor(folder: Path, way: str, kind: str = "mcap") -> Path:
+    """Write a ROS log with poses in /tf only and ranges in a vendor's own type."""
+    msgtype, text = VENDORS[way]
+    types = {msgtype: text} if text else {}
+    types |= {"nlink/msg/Node": "uint8 role\nuint8 id\nfloat32 dis\n"}
+    log = Log(folder, kind, types)
+    made = log.types.types
+    for k in range(60):
+        t_s = START_S + k / 4
+        header = log.header(t_s, f"cone-{k % 3}")
+        turn = made["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
+        shift = made["geometry_msgs/msg/Vector3"](x=2.0 * k, y=k * k / 90, z=1.0)
+        moved = made["geometry_msgs/msg/Transform"](translation=shift, rotation=turn)
+        one = made["geometry_msgs/msg/TransformStamped"](
+            header=log.header(t_s), child_frame_id="base_link", transform=moved
+        )
+        log.add("/tf", "tf2_msgs/msg/TFMessage", t_s, transforms=[one])
+        range_m, places = 9.0 + k / 10, np.zeros(8, np.float32)
+        places[:3] = range_m
+        nodes = [made["nlink/msg/Node"](role=1 + n // 3, id=n % 3, dis=range_m) for n in range(4)]
+        limits = {"radiation_type": 0, "field_of_view": 0.1, "min_range": 0.0, "max_range": 99.0}
+        fields: dict[str, dict[str, Any]] = {
+            "both-ends": {"header": header, "src": k % 3, "dst": 9, "range": range_m},
+            "places": {"id": 4, "dis_arr": places},
+            "roles": {"id": 4, "nodes": nodes},
+            "old-range": {"header": header, **limits, "range": range_m},
+        }
+        log.add("/uwb", msgtype, t_s, **fields[way])
+    return log.close()
+
+
+def write_killed(folder: Path) -> Path:
+    """Write a database as a killed recorder of Humble leaves it: without types, with a WAL."""
+    whole = write_vendor(folder / "whole", "old-range", "folder-sqlite3")
+    path = next(whole.glob("*.db3")).rename(folder / "live.db3")
+    shutil.rmtree(folder / "whole")
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("DELETE FROM message_definitions")
+        database.commit()
+        database.execute("PRAGMA journal_mode=WAL")
+        database.execute("UPDATE messages SET timestamp = timestamp + 1")
+        database.commit()
+        for name in ("live.db3", "live.db3-wal"):
+            shutil.copy(folder / name, folder / name.replace("live", "drive"))
+    path.unlink()
+    return folder / "drive.db3"
+
+
 def _ros(kind: str, packed: tuple[Any, ...] = ()) -> Callable[[Path], Path]:
     return lambda folder: write_drive(folder, kind, packed)
 
@@ -204,5 +267,7 @@ LOGS: dict[str, Callable[[Path], Path]] = {
     "own-parquet": lambda folder: write_own(folder, ".parquet"),
     "ros-described": write_described_bag,
     **TRAJECTORIES,
+    **{f"ros-{way}": partial(write_vendor, way=way) for way in VENDORS if way != "old-range"},
+    "ros-killed": write_killed,
 }
 """Kind -> function that writes a good log into a folder and returns what names it as a source."""

@@ -21,7 +21,7 @@ from gaia_uwb.logs._places import Places, first_place, only_fixes, to_places
 from gaia_uwb.logs._scenes import make_truth, range_log, ranges_of_drive, read_anchors
 from gaia_uwb.logs._stamps import DAY_S
 from gaia_uwb.logs._tidy import tidy
-from gaia_uwb.logs.bags import is_ros2_folder
+from gaia_uwb.logs.bags import Link, is_ros2_folder, is_ros_file
 from gaia_uwb.logs.input_description import (
     FILE_NAME,
     CsvRanges,
@@ -44,18 +44,12 @@ from gaia_uwb.scene import LocalFrame, Scene, Trajectory
 
 _DATED_S = 10 * DAY_S  # times from which on count from 1970, not from midnight or from a start
 
-ROS_FILES = (".bag", ".mcap")
-"""Endings of ROS logs that are one file."""
-
-BAG_ENDINGS = (*ROS_FILES, ".bag.active", ".db3", ".db3-wal")
-"""Endings of files with recorded messages, whole logs or parts of one."""
-
 
 def is_described(path: Path) -> bool:
     """Tell whether a path is a log that :func:`read_described` reads."""
     if path.is_dir():
         return (path / FILE_NAME).is_file() or is_ros2_folder(path)
-    return path.suffix in ROS_FILES and path.is_file()
+    return is_ros_file(path) and path.is_file()
 
 
 def read_described(path: Path) -> tuple[Scene, tuple[str, ...]]:
@@ -64,7 +58,7 @@ def read_described(path: Path) -> tuple[Scene, tuple[str, ...]]:
     Parameters
     ----------
     path
-        A ``.bag`` or ``.mcap`` file, a ROS 2 folder, or a folder with a ``gaia.yaml``.
+        A ``.bag``, ``.mcap`` or ``.db3`` file, a ROS 2 folder, or a folder with a ``gaia.yaml``.
 
     Returns
     -------
@@ -82,9 +76,10 @@ def read_described(path: Path) -> tuple[Scene, tuple[str, ...]]:
     """
     if path.is_dir() and (path / FILE_NAME).is_file():
         return _Reader(path, read_description(path / FILE_NAME)).scene()
+    name = path.resolve().name.removesuffix(".active")
     ros = {"file": path.resolve().name, "format": "ros"}
     description = InputDescription.model_validate(
-        {"name": path.resolve().stem, "trajectory": ros, "ranges": [ros]}
+        {"name": Path(name).stem, "trajectory": ros, "ranges": [ros]}
     )
     return _Reader(path.resolve().parent, description, shown=path).scene()
 
@@ -176,7 +171,9 @@ class _Reader:
         match given:
             case RosTrajectory():
                 log = self._ros(given)
-                table, notes = log.trajectory(given.topic, given.clock), log.notes
+                wanted = given.frames
+                frames = None if wanted is None else Link(wanted.parent, wanted.child)
+                table, notes = log.trajectory(given.topic, given.clock, frames), log.notes
             case NmeaTrajectory():
                 table, notes = trajectories.read_nmea(
                     path, given.stamps, given.clock, given.checksums
@@ -232,7 +229,14 @@ class _Reader:
         match given:
             case RosRanges():
                 log = self._ros(given)
-                table, notes = log.ranges(given.topic, given.fields, given.clock), log.notes
+                table = log.ranges(
+                    given.topic,
+                    given.fields,
+                    given.clock,
+                    where=given.where,
+                    missing=given.missing,
+                )
+                notes = log.notes
             case CsvRanges():
                 path = self._path(given.file)
                 table, notes = csv_map.read_ranges(

@@ -46,8 +46,20 @@ class _Ros(_File):
     """Folder with ``.msg`` files of types that the log lacks."""
 
 
+class Frames(Settings):
+    """Two frames of ``/tf``."""
+
+    parent: str = Field(min_length=1)
+    """The frame that stands still, such as ``map``."""
+    child: str = Field(min_length=1)
+    """The frame that moves, such as ``base_link`` or that of the tag."""
+
+
 class RosTrajectory(_Ros):
     """A trajectory in a ROS log."""
+
+    frames: Frames | None = None
+    """In ``/tf``: which frame moved in which; ``None`` uses the only chain that moves."""
 
 
 class RosRanges(_Ros):
@@ -55,6 +67,10 @@ class RosRanges(_Ros):
 
     fields: FieldMap | None = None
     """Which fields of the messages hold what; ``None`` guesses."""
+    where: Where = Field(default_factory=dict)
+    """Which readings count: field -> the value that it must have, or one of several."""
+    missing: Missing = Field(default_factory=list)
+    """Numbers that mean "no range", as the messages hold them, before they are scaled."""
 
 
 class NmeaTrajectory(_File):

@@ -8,7 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from gaia_uwb._shared import ConfigError, GaiaError, OutputFolder, visible
-from gaia_uwb.logs.described import BAG_ENDINGS, named_elsewhere
+from gaia_uwb.logs.bags import is_ros_file
+from gaia_uwb.logs.described import named_elsewhere
 from gaia_uwb.logs.download import data_folder
 from gaia_uwb.logs.input_description import FILE_NAME
 from gaia_uwb.logs.native import LOG_FILES
@@ -77,10 +78,12 @@ def log_files(folder: Path) -> list[str]:
     []
     """
     try:
-        names = [path.name for path in visible(folder)]
+        paths = visible(folder)
     except OSError:  # told when it is created
         return []
-    return [name for name in names if name in {FILE_NAME, *LOG_FILES} or name.endswith(BAG_ENDINGS)]
+    return [
+        path.name for path in paths if path.name in {FILE_NAME, *LOG_FILES} or is_ros_file(path)
+    ]
 
 
 def _folders_read(source: str | Path, data_dir: Path | None) -> Iterator[Path]:

@@ -29,6 +29,7 @@ MAX_RATIO = 200
 
 _FREE_BYTES = 192 * 2**20
 _MAX_CONNECTIONS = 10_000
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 
 class Channel(NamedTuple):
@@ -77,6 +78,8 @@ class Bag:
         Byte at which the file ends within a record, if it does.
     unpacked
         Bytes that this walk has unpacked.
+    notes
+        What a user should know of how it was read.
     """
 
     path: Path
@@ -84,6 +87,7 @@ class Bag:
     counts: dict[int, int] = field(default_factory=dict)
     cut_off_at: int | None = None
     unpacked: int = 0
+    notes: list[str] = field(default_factory=list)
 
     def scan(self) -> None:
         """Find the channels: in the index, or within the chunks where there is no index.
@@ -168,8 +172,13 @@ def unpack(compression: str, data: bytes, size: int) -> bytes:
     return bytes(unpacked)
 
 
+def is_packed(message: Message) -> bool:
+    """Tell whether a message was packed by itself: CDR starts with other bytes than zstd."""
+    return message.channel.encoding == "cdr" and message.data.startswith(_ZSTD_MAGIC)
+
+
 def unpack_message(data: bytes) -> bytes:
-    """Return a message of a recording that packs each one with zstd; the end of a long one is lost.
+    """Return a message that was packed with zstd; the end of a long one is lost.
 
     Raises
     ------

@@ -1,12 +1,13 @@
-"""Fields of messages: where a type keeps its ranges and ids, looked up or guessed.
+"""Fields of messages: where a type keeps its ranges and ids.
 
 There is no standard message for UWB. A :class:`FieldMap` says which fields of a vendor's message
-hold what; without one, usual names of such fields are tried.
+hold what; without one, usual names of such fields are tried (``guess.py``).
 
 ===============================  ==========================================================
 one range per message            ``anchor: responder_id``, ``range: distance``
 an array of messages             ``each: nodes``, ``anchor: id``, ``range: dis``
 parallel arrays                  ``anchor: anchor_ids``, ``range: ranges``
+an array whose place is the id   ``anchor: (index)``, ``range: dis_arr``
 one topic per anchor             ``anchor: (topic)``, ``range: range``
 ===============================  ==========================================================
 """
@@ -14,38 +15,38 @@ one topic per anchor             ``anchor: (topic)``, ``range: range``
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any, NamedTuple
 
 from pydantic import Field
 
 from gaia_uwb.config import Settings
+from gaia_uwb.logs._selection import Wanted, as_text, is_missing
+from gaia_uwb.logs.bags.names import (
+    ARRAY,
+    FLOATS,
+    MESSAGE,
+    SEQUENCE,
+    SINGLE,
+    WHOLE,
+    ids_of,
+    is_role,
+)
 from gaia_uwb.logs.bags.types import Fields
 
 BY_TOPIC = "(topic)"
 """As the anchor's field: the topic's name is its id."""
 
-_RANGES = ["range", "distance", "dist", "dis", "slant_range", "range_m", "distance_m", "dist_m"]
-_RANGES += ["range_mm", "distance_mm", "dist_mm", "range_cm", "distance_cm", "dist_cm"]
-_IDS = ["anchor_id", "anchor", "anchor_name", "responder_id", "responder", "node_id", "id", "to_id"]
-_IDS += [
-    "source_id",
-    "src_id",
-    "from_id",
-    "remote_id",
-    "target_id",
-    "address",
-    "addr",
-    "mac",
-    "uid",
-]
-_RSSI = ["rssi_dbm", "rssi", "rx_rssi", "rx_power"]
-_RSSI_FP = ["rssi_fp_dbm", "fp_rssi", "fp_power", "first_path_power"]
-_RANGE_ARRAYS = ["ranges", "distances", "dists"]
-_ID_ARRAYS = ["anchor_ids", "anchors", "ids", "responder_ids", "node_ids"]
-_NAME, _ARRAY, _SEQUENCE = 2, 3, 4
+BY_INDEX = "(index)"
+"""As the anchor's field: the place in the array of ranges, from 0, is its id."""
+
+_MOST_SEEN = 20_000
+_OCTETS = {"uint8", "byte", "char", "octet"}
+
+Get = Callable[[Any], Any]
+"""From a message to one of its fields."""
 
 
 class FieldMap(Settings):
@@ -54,7 +55,7 @@ class FieldMap(Settings):
     each: str | None = None
     """Array of messages with one range each; the fields below are then the elements'."""
     anchor: str
-    """The anchor's id, or ``(topic)``."""
+    """The anchor's id, ``(topic)`` or ``(index)``."""
     range: str
     """The range."""
     scale: float = Field(default=1.0, gt=0, le=1e6)
@@ -80,9 +81,27 @@ class FieldError(ValueError):
     """A path leads to no field, or to one of the wrong kind."""
 
 
-@dataclass(frozen=True)
+class _Part(NamedTuple):
+    """One field of a message, or of an element of its array.
+
+    Parameters
+    ----------
+    name
+        How messages name it.
+    get
+        From the message or the element to its value.
+    inner
+        Whether it is the element's.
+    """
+
+    name: str
+    get: Get
+    inner: bool
+
+
+@dataclass
 class RangeFields:
-    """A field map, resolved for one type of message.
+    """A field map, resolved for one type of message; made by :func:`resolve_ranges`.
 
     Parameters
     ----------
@@ -92,18 +111,33 @@ class RangeFields:
         Whether ids and ranges are parallel arrays.
     elements, anchor, range_, rssi, rssi_fp
         Getters.
+    wanted, where
+        The values that fields must have, and those fields.
+    missing
+        Numbers that mean "no range", before they are scaled.
+    parties
+        Fields that may name an end of the range; not the anchor's, nor one that must have a value.
     """
 
     fields: FieldMap
     parallel: bool
-    elements: Callable[[Any], Any] | None
-    anchor: Callable[[Any], Any] | None
-    range_: Callable[[Any], Any]
-    rssi: Callable[[Any], Any] | None
-    rssi_fp: Callable[[Any], Any] | None
+    elements: Get | None
+    anchor: Get | None
+    range_: Get
+    rssi: Get | None
+    rssi_fp: Get | None
+    wanted: Wanted
+    where: tuple[_Part, ...]
+    missing: tuple[float, ...]
+    parties: tuple[_Part, ...] = ()
+    seen: dict[tuple[str, ...], int] = field(default_factory=dict)
+    """Each id of an anchor with the values of the parties beside it -> how many readings."""
+    n_read: int = 0
+    n_missing: int = 0
+    n_left_out: int = 0
 
     def readings(self, message: Any, topic: str) -> Iterator[Reading]:
-        """Yield a message's ranges.
+        """Yield a message's ranges that count.
 
         Raises
         ------
@@ -111,33 +145,67 @@ class RangeFields:
             If a value is not what its field is for, or arrays differ in length.
         """
         for part in (message,) if self.elements is None else self.elements(message):
-            anchor = topic if self.anchor is None else self.anchor(part)
-            rssi = None if self.rssi is None else self.rssi(part)
-            rssi_fp = None if self.rssi_fp is None else self.rssi_fp(part)
-            if self.parallel:
-                yield from self._side_by_side(anchor, self.range_(part), [rssi, rssi_fp])
-            else:
-                yield self._reading(anchor, self.range_(part), rssi, rssi_fp)
+            values = self.range_(part)
+            columns = [topic] if self.anchor is None else [self.anchor(part)]
+            columns += [None if get is None else get(part) for get in (self.rssi, self.rssi_fp)]
+            others = [each.get(part if each.inner else message) for each in self.parties]
+            kept = [each.get(part if each.inner else message) for each in self.where]
+            if not self.parallel:
+                yield from self._one(values, columns, others, kept)
+                continue
+            if self.fields.anchor == BY_INDEX:
+                columns[0] = range(len(values))
+            columns = [_column(column, len(values)) for column in columns]
+            others, kept = ([_column(c, len(values)) for c in cs] for cs in (others, kept))
+            for k, value in enumerate(values):
+                rows = ([column[k] for column in each] for each in (columns, others, kept))
+                yield from self._one(value, *rows)
 
-    def _side_by_side(self, ids: Any, ranges: Any, powers: list[Any]) -> Iterator[Reading]:
-        columns = [ids, ranges, *(power for power in powers if power is not None)]
-        if len({len(column) for column in columns}) > 1:
-            sizes = ", ".join(str(len(column)) for column in columns)
-            raise ValueError(f"parallel arrays differ in length: {sizes}")
-        for k, value in enumerate(ranges):
-            rssi, rssi_fp = (None if power is None else power[k] for power in powers)
-            yield self._reading(ids[k], value, rssi, rssi_fp)
-
-    def _reading(self, anchor: Any, value: Any, rssi: Any, rssi_fp: Any) -> Reading:
-        return Reading(
-            anchor.strip() if isinstance(anchor, str) else _text(anchor),
-            float(value) * self.fields.scale,
+    def _one(
+        self, value: Any, columns: list[Any], others: list[Any], kept: list[Any]
+    ) -> Iterator[Reading]:
+        """Yield one range, if it counts."""
+        if kept and not all(
+            self.wanted.accepts(each.name, value_of)
+            for each, value_of in zip(self.where, map(id_text, kept), strict=True)
+        ):
+            self.n_left_out += 1
+            return
+        raw = float(value)
+        if self.missing and is_missing(raw, self.missing):
+            self.n_missing += 1
+            return
+        anchor, rssi, rssi_fp = columns
+        anchor_id = id_text(anchor)
+        self.n_read += 1
+        if others:
+            key = (anchor_id, *map(id_text, others))
+            if key in self.seen or len(self.seen) < _MOST_SEEN:
+                self.seen[key] = self.seen.get(key, 0) + 1
+        yield Reading(
+            anchor_id,
+            raw * self.fields.scale,
             math.nan if rssi is None else float(rssi),
             math.nan if rssi_fp is None else float(rssi_fp),
         )
 
 
-def resolve_ranges(types: Fields, msgtype: str, fields: FieldMap) -> RangeFields:
+def _column(values: Any, n: int) -> Any:
+    """Return n values: those of an array beside the ranges, or one for all."""
+    if values is None or isinstance(values, str) or not hasattr(values, "__len__"):
+        return [values] * n
+    if len(values) != n:
+        raise ValueError(f"parallel arrays differ in length: {len(values)}, {n}")
+    return values
+
+
+def resolve_ranges(
+    types: Fields,
+    msgtype: str,
+    fields: FieldMap,
+    wanted: Wanted | None = None,
+    missing: Sequence[float] = (),
+) -> RangeFields:
     """Return the getters of a field map for a type.
 
     Parameters
@@ -148,48 +216,103 @@ def resolve_ranges(types: Fields, msgtype: str, fields: FieldMap) -> RangeFields
         The type.
     fields
         The map.
+    wanted
+        The values that fields must have.
+    missing
+        Numbers that mean "no range", before they are scaled; those of an array whose place is
+        the id include 0 if none are given.
 
     Raises
     ------
     FieldError
         If a path leads to no field or to one of the wrong kind.
     """
+    wanted = Wanted({}) if wanted is None else wanted
     inner, elements = msgtype, None
     if fields.each is not None:
         kind, content = find_field(types, msgtype, fields.each)
-        if kind not in (_ARRAY, _SEQUENCE) or content[0][0] != _NAME:
+        if kind not in (ARRAY, SEQUENCE) or content[0][0] != MESSAGE:
             raise FieldError(f"{fields.each} is not an array of messages")
         inner, elements = content[0][1], getter(fields.each)
-    range_kind, content = find_field(types, inner, fields.range)
-    parallel = range_kind in (_ARRAY, _SEQUENCE)
-    base = content[0] if parallel else (range_kind, content)
-    if base[0] == _NAME or base[1][0] in {"string", "wstring"}:
-        raise FieldError(f"{fields.range} is not a number")
-    by_topic = fields.anchor == BY_TOPIC
-    if not by_topic:
-        _check_id(types, inner, fields.anchor, parallel)
-    elif parallel:
-        raise FieldError("an array of ranges needs an array of ids as anchor")
+    parallel = _check_range(types, inner, fields)
+    by_field = fields.anchor not in (BY_TOPIC, BY_INDEX)
+    if by_field:
+        _check_id(types, inner, fields, parallel=parallel)
+    elif parallel is not (fields.anchor == BY_INDEX):
+        what = "an array" if fields.anchor == BY_INDEX else "a single number"
+        raise FieldError(f"anchor: {fields.anchor} needs a range that is {what}")
     for path in (fields.rssi, fields.rssi_fp):
-        if path and (find_field(types, inner, path)[0] in (_ARRAY, _SEQUENCE)) is not parallel:
+        if path and (find_field(types, inner, path)[0] in (ARRAY, SEQUENCE)) is not parallel:
             raise FieldError(f"{path} and {fields.range} must both be arrays or both numbers")
+    if fields.anchor == BY_INDEX and not missing:
+        missing = (0.0,)
     return RangeFields(
         fields=fields,
         parallel=parallel,
         elements=elements,
-        anchor=None if by_topic else getter(fields.anchor),
+        anchor=getter(fields.anchor) if by_field else None,
         range_=getter(fields.range),
         rssi=getter(fields.rssi) if fields.rssi else None,
         rssi_fp=getter(fields.rssi_fp) if fields.rssi_fp else None,
+        wanted=wanted,
+        where=tuple(_where(types, msgtype, inner, name) for name in wanted.fields),
+        missing=tuple(missing),
+        parties=tuple(
+            party
+            for party in _parties(types, msgtype, inner, fields, parallel=parallel)
+            if party.name not in wanted.fields
+        ),
     )
 
 
-def _check_id(types: Fields, msgtype: str, path: str, parallel: bool) -> None:
+def _parties(
+    types: Fields, msgtype: str, inner: str, fields: FieldMap, *, parallel: bool
+) -> tuple[_Part, ...]:
+    """Return the fields, beside the anchor's, that may name an end of the range."""
+    own = dict(types[inner][1])
+    names = [name for name in ids_of(types, inner) if not parallel or own[name][0] == SINGLE]
+    names += ids_of(types, inner, arrays=True) if parallel else []
+    names += [name for name in own if is_role(name) and own[name][0] == SINGLE]
+    found = [_Part(name, getter(name), inner=True) for name in names if name != fields.anchor]
+    if fields.each is not None:
+        outer = ids_of(types, msgtype)
+        found += [_Part(f".{name}", getter(name), inner=False) for name in outer]
+    return tuple(found)
+
+
+def _where(types: Fields, msgtype: str, inner: str, name: str) -> _Part:
+    """Return a field that must have some value: the element's, or else the message's."""
+    path, of_element = name.removeprefix("."), not name.startswith(".")
+    if of_element and inner != msgtype:
+        try:
+            find_field(types, inner, path)
+        except FieldError:
+            of_element = False
+    if find_field(types, inner if of_element else msgtype, path)[0] == MESSAGE:
+        raise FieldError(f"where: {path} is a message, not a value")
+    return _Part(name, getter(path), inner=of_element)
+
+
+def _check_range(types: Fields, msgtype: str, fields: FieldMap) -> bool:
+    """Tell whether the range's field is an array; refuse what is no number."""
+    kind, content = find_field(types, msgtype, fields.range)
+    base = content[0] if kind in (ARRAY, SEQUENCE) else (kind, content)
+    if base[0] == MESSAGE or base[1][0] not in WHOLE | FLOATS:
+        raise FieldError(f"{fields.range} is not a number")
+    return kind in (ARRAY, SEQUENCE)
+
+
+def _check_id(types: Fields, msgtype: str, fields: FieldMap, *, parallel: bool) -> None:
+    path = fields.anchor
     kind, content = find_field(types, msgtype, path)
-    octets = kind in (_ARRAY, _SEQUENCE) and content[0][1][0] in {"uint8", "byte", "char", "octet"}
-    if kind == _NAME or (parallel and kind not in (_ARRAY, _SEQUENCE)):
+    is_array = kind in (ARRAY, SEQUENCE)
+    octets = is_array and content[0][1][0] in _OCTETS
+    if parallel and not is_array:
+        hint = f"if the place in {fields.range} is the id, set anchor: {BY_INDEX}"
+        raise FieldError(f"{path} is not an array of ids; {hint}")
+    if kind == MESSAGE or (is_array and content[0][0] == MESSAGE):
         raise FieldError(f"{path} is not {'an array of ids' if parallel else 'an id'}")
-    if not parallel and kind in (_ARRAY, _SEQUENCE) and not octets:
+    if not parallel and is_array and not octets:
         raise FieldError(f"{path} is an array, but the range is a single number")
 
 
@@ -201,10 +324,10 @@ def find_field(types: Fields, msgtype: str, path: str) -> Any:
     FieldError
         If there is none: the message lists those there are.
     """
-    description: Any = (_NAME, msgtype)
+    description: Any = (MESSAGE, msgtype)
     for word in path.split("."):
         kind, content = description
-        known = dict(types[content][1]) if kind == _NAME else {}
+        known = dict(types[content][1]) if kind == MESSAGE else {}
         if word not in known:
             there = ", ".join(known)[:200] if known else "no fields"
             raise FieldError(f"no field {path[:80]!r}; available: {there}")
@@ -212,66 +335,26 @@ def find_field(types: Fields, msgtype: str, path: str) -> Any:
     return description
 
 
-def getter(path: str) -> Callable[[Any], Any]:
+def getter(path: str) -> Get:
     """Return the function from a message to the field at a path."""
     from rosbags.typesys.base import normalize_fieldname
 
     return attrgetter(".".join(normalize_fieldname(word) for word in path.split(".")))
 
 
-def guess_ranges(types: Fields, msgtype: str) -> FieldMap | None:
-    """Return where a type probably keeps its ranges; ``None`` if it seems to have none."""
-    if found := _guess_flat(types, msgtype, None):
-        return found
-    own = dict(types[msgtype][1])
-    for name, (kind, content) in own.items():
-        of_messages = kind in (_ARRAY, _SEQUENCE) and content[0][0] == _NAME
-        if of_messages and (found := _guess_flat(types, content[0][1], name)):
-            return found
-    arrays = [name for name, (kind, content) in own.items() if kind in (_ARRAY, _SEQUENCE)]
-    ids, ranges = _first(arrays, _ID_ARRAYS), _first(arrays, _RANGE_ARRAYS)
-    if ids and ranges and own[ids][1][0][0] != _NAME and _is_float(own[ranges][1][0]):
-        return FieldMap(anchor=ids, range=ranges)
-    if msgtype == "sensor_msgs/msg/Range":
-        return FieldMap(anchor="header.frame_id", range="range")
-    return None
+def id_text(value: Any) -> str:
+    """Return an id as text: numbers in decimal, arrays of bytes (a MAC address) in hexadecimal.
 
-
-def _guess_flat(types: Fields, msgtype: str, each: str | None) -> FieldMap | None:
-    """Look for an id and a range, both single values, among a type's own fields."""
-    own = dict(types[msgtype][1])
-    single = [name for name, (kind, _) in own.items() if kind == 1]
-    anchor = _first(single, _IDS)
-    numbers = [n for n in single if _is_float(own[n]) or n.endswith(("_mm", "_cm"))]
-    range_ = _first(numbers, _RANGES)
-    if anchor is None or range_ is None:
-        return None
-    floats = [name for name in single if _is_float(own[name])]
-    return FieldMap(
-        each=each,
-        anchor=anchor,
-        range=range_,
-        scale={"mm": 0.001, "cm": 0.01}.get(range_[-2:], 1.0),
-        rssi=_first(floats, _RSSI),
-        rssi_fp=_first(floats, _RSSI_FP),
-    )
-
-
-def _is_float(description: Any) -> bool:
-    return bool(description[0] == 1 and description[1][0] in {"float32", "float64"})
-
-
-def _first(names: list[str], wanted: list[str]) -> str | None:
-    """Return the name that is wanted most, whatever its capitals."""
-    lower = {name.lower(): name for name in names}
-    return next((lower[name] for name in wanted if name in lower), None)
-
-
-def _text(value: Any) -> str:
-    """Return an id as text: numbers in decimal, arrays of bytes (a MAC address) in hexadecimal."""
+    Raises
+    ------
+    ValueError
+        If it is a number with decimals.
+    """
     if hasattr(value, "tobytes") and value.ndim > 0:
         return bytes(value.tobytes()).hex()
-    number = float(value)
-    if not number.is_integer():
-        raise ValueError(f"expected an id, got {number:g}")
-    return str(int(value))
+    if isinstance(value, list):  # of bytes, or of texts: no id
+        return bytes(value).hex()
+    text = as_text(value)
+    if not isinstance(value, str) and "." in text:
+        raise ValueError(f"expected an id, got {float(value):g}")
+    return text

@@ -1,7 +1,12 @@
-"""Which files a ROS log consists of: one, or those that a ROS 2 folder's description names."""
+"""Which files a ROS log consists of: one, or those of a folder, by its description or their names.
+
+A recorder that was killed writes no ``metadata.yaml``. Then the files of a recording are told by
+their names: ``drive_0.mcap``, ``drive_1.mcap`` and so on.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -10,17 +15,29 @@ from gaia_uwb._shared import InputError, YamlError, read_yaml, shown
 from gaia_uwb.logs._logs import check_file
 from gaia_uwb.logs.bags.container import MAX_FILE_BYTES, Bag, Message
 
+METADATA = "metadata.yaml"
+"""Name of the description in a ROS 2 recording's folder."""
+
+ROS_FILES = (".bag", ".bag.active", ".mcap", ".db3")
+"""Endings of ROS logs that are one file."""
+
 _MAX_METADATA = 2 * 2**20
 _MAX_FILES = 1000
+_PART = re.compile(r"(.*)_(\d{1,4})", re.ASCII | re.DOTALL)
+
+
+def is_ros_file(path: Path) -> bool:
+    """Tell by its name whether a file is a ROS log."""
+    return path.name.endswith(ROS_FILES)
 
 
 def is_ros2_folder(folder: Path) -> bool:
-    """Tell whether a folder is a ROS 2 recording."""
-    return (folder / "metadata.yaml").is_file()
+    """Tell whether a folder is one recording: it says so, or its files are numbered from 0."""
+    return (folder / METADATA).is_file() or len(_parts(folder)) > 1
 
 
 def open_log(path: Path) -> tuple[list[Bag], bool]:
-    """Return the files of a log, and whether each message is packed.
+    """Return the files of a log, and whether it is certain that they are one recording.
 
     Raises
     ------
@@ -30,15 +47,59 @@ def open_log(path: Path) -> tuple[list[Bag], bool]:
     is_folder = False
     with suppress(OSError):  # of what cannot be looked at, check_file says why
         is_folder = path.is_dir()
-    paths, packed = _storage_files(path) if is_folder else ([path], False)
+    bags, note = [], ""
+    paths = [path]
+    if is_folder and (path / METADATA).exists():
+        paths = _described_files(path)
+    elif is_folder:
+        paths = _parts(path) or _only_file(path)
+        note = f"{path.name}: no {METADATA}; read {', '.join(each.name for each in paths)[:200]}"
     for each in paths:
         check_file(each, MAX_FILE_BYTES)
-    return [open_bag(each) for each in paths], packed
+        bags.append(open_bag(each))
+    bags[0].notes += [note] if note else []
+    return bags, not note
 
 
-def _storage_files(folder: Path) -> tuple[list[Path], bool]:
+def _parts(folder: Path) -> list[Path]:
+    """Return the files of a recording without a description, in their order; none if unclear."""
+    try:
+        files = [path for path in folder.iterdir() if is_ros_file(path)]
+    except OSError:
+        return []
+    numbers: dict[Path, int] = {}
+    for path in files:
+        match = _PART.fullmatch(path.name.partition(".")[0])
+        if match is None:
+            return []
+        numbers[path] = int(match[2])
+    kinds = {(path.name.rpartition("_")[0], path.name.partition(".")[2]) for path in files}
+    clear = len(kinds) == 1 and 0 in numbers.values() and len(set(numbers.values())) == len(files)
+    return sorted(files, key=numbers.__getitem__) if clear and len(files) <= _MAX_FILES else []
+
+
+def _only_file(folder: Path) -> list[Path]:
+    """Return the only ROS log in a folder without a description.
+
+    Raises
+    ------
+    InputError
+        If there are none or several.
+    """
+    try:
+        files = sorted(path for path in folder.iterdir() if is_ros_file(path))
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=folder) from error
+    if len(files) != 1:
+        there = ", ".join(path.name for path in files[:5]) or "none"
+        problem = f"has no {METADATA}, and its ROS logs are not the parts of one: {there}"
+        raise InputError(problem, source=folder)
+    return files
+
+
+def _described_files(folder: Path) -> list[Path]:
     """Return the files that a ROS 2 folder's description names."""
-    path = folder / "metadata.yaml"
+    path = folder / METADATA
     check_file(path, _MAX_METADATA)
     try:
         content = read_yaml(path, most_bytes=_MAX_METADATA)
@@ -58,7 +119,7 @@ def _storage_files(folder: Path) -> tuple[list[Path], bool]:
     twice = next((each for k, each in enumerate(paths) if each in paths[:k]), None)
     if twice is not None:
         raise InputError(f"lists {shown(twice.name)} more than once", source=path)
-    return paths, mode == "message"
+    return paths
 
 
 def scan(bag: Bag) -> None:
@@ -105,6 +166,9 @@ def open_bag(path: Path) -> Bag:
     from gaia_uwb.logs.bags.sqlite import SqliteBag
 
     kinds: dict[str, type[Bag]] = {".bag": Ros1Bag, ".mcap": McapBag, ".db3": SqliteBag}
+    kinds[".active"] = Ros1Bag  # what a recorder of ROS 1 is still writing
+    if path.suffix in {".zst", ".zstd", ".gz", ".xz", ".bz2"}:
+        raise InputError("is compressed as a whole: decompress it first", source=path)
     if path.suffix not in kinds:
         raise InputError("expected a .bag, .mcap or .db3 file", source=path)
     return kinds[path.suffix](path)

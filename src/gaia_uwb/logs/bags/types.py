@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +53,7 @@ class Types:
         except ImportError as error:
             problem = f"{path}: ROS logs need the extra 'ros': pip install 'gaia-uwb[ros]'"
             raise ConfigError(problem) from error
+        self.notes: list[str] = []
         self._path = path
         self._given = {} if msg_dir is None else _read_msg_dir(msg_dir)
         self._fields: dict[tuple[str, str | None], Fields] = {}
@@ -86,19 +87,16 @@ class Types:
         return self._readers[key]
 
     def _compile(self, channel: Channel) -> Reader:
-        from rosbags.typesys import Stores, get_typestore
-
-        types, msgtype = self.fields(channel), channel.msgtype
         if channel.encoding not in {"ros1", "cdr"}:
             raise self._error(
                 channel, f"has messages in the unsupported encoding {channel.encoding[:20]!r}"
             )
+        layouts = {"": self.fields(channel)}
+        if not channel.definition and channel.msgtype not in self._given:
+            layouts |= _older_layouts(channel.msgtype)
         with self._of(channel):
-            store = get_typestore(Stores.EMPTY)
-            store.register(dict(types))
-            store.get_msgdef(msgtype)
-        read = store.deserialize_ros1 if channel.encoding == "ros1" else store.deserialize_cdr
-        return lambda data: read(data, msgtype)
+            readers = {name: _reader(types, channel) for name, types in layouts.items()}
+        return _FirstThatFits(readers, channel, self.notes).read
 
     @contextmanager
     def _of(self, channel: Channel) -> Iterator[None]:
@@ -135,6 +133,71 @@ class Types:
     def _error(self, channel: Channel, problem: str) -> InputError:
         source = f"{self._path}, topic {channel.topic}"
         return InputError(f"its type {channel.msgtype[:100]} {problem}", source=source)
+
+
+class _FirstThatFits:
+    """Reads a topic's messages in the first layout of their type that fits the first message.
+
+    A recording of ROS 2 before Iron does not hold its types, and some of them have changed since.
+
+    Parameters
+    ----------
+    readers
+        Name of a release of ROS 2 -> how it reads a message; the newest has no name.
+    channel
+        The topic.
+    notes
+        Where to say that an older layout was taken.
+    """
+
+    def __init__(self, readers: Mapping[str, Reader], channel: Channel, notes: list[str]) -> None:
+        self._readers = readers
+        self._channel = channel
+        self._notes = notes
+        self._chosen: Reader | None = None
+
+    def read(self, data: bytes) -> Any:
+        """Return a message."""
+        if self._chosen is None:
+            self._chosen = self._choose(data)
+        return self._chosen(data)
+
+    def _choose(self, data: bytes) -> Reader:
+        for name, reader in self._readers.items():
+            with suppress(Exception):  # rosbags may be upset in any way
+                reader(data)
+                if name:
+                    topic, msgtype = self._channel.topic[:60], self._channel.msgtype[:60]
+                    self._notes.append(f"{topic}: {msgtype} read with the layout of {name}")
+                return reader
+        return next(iter(self._readers.values()))
+
+
+def _reader(types: Fields, channel: Channel) -> Reader:
+    from rosbags.typesys import Stores, get_typestore
+
+    msgtype = channel.msgtype
+    store = get_typestore(Stores.EMPTY)
+    store.register(dict(types))
+    store.get_msgdef(msgtype)
+    read = store.deserialize_ros1 if channel.encoding == "ros1" else store.deserialize_cdr
+    return lambda data: read(data, msgtype)
+
+
+def _older_layouts(name: str) -> dict[str, Fields]:
+    """Return the layouts that one of ROS's own types had in earlier releases, the latest first."""
+    from rosbags.typesys import Stores, get_typestore
+
+    layouts: dict[str, Fields] = {}
+    known = [_used(get_typestore(Stores.LATEST).fielddefs, name)]
+    for store in sorted(Stores, key=lambda store: store.value, reverse=True):
+        types = get_typestore(store).fielddefs
+        if store.value.startswith("ros2") and name in types:
+            used = _used(types, name)
+            if used not in known:
+                known.append(used)
+                layouts[f"ROS 2 {store.value.removeprefix('ros2_').title()}"] = used
+    return layouts
 
 
 def _parse(definition: str, name: str) -> dict[str, Any]:

@@ -21,6 +21,8 @@ from gaia_uwb.logs.described import read_described
 from gaia_uwb.logs.ros import RosLog
 
 TWO_RANGES = {"A": 12.5, "B": 30.25}
+TAKEN = "ranges: /uwb: anchor: anchor_id, range: range"
+POSE = "trajectory: /pose (PointStamped)"
 
 
 def write_ranges(folder: Path, kind: str, text: str, each: Any) -> Path:
@@ -43,7 +45,7 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def test_each_format_gives_the_scene_that_was_written(drives: dict[str, Path], kind: str) -> None:
     scene, notes = read_described(drives[kind])
     assert scene.anchor_ids == ("A1", "A2", "A10")
-    assert notes == ()
+    assert notes == ("trajectory: /fix (NavSatFix)", TAKEN)
     np.testing.assert_allclose(scene.trajectory.t_s, START_S + np.arange(200) / 10, atol=1e-6)
     first = scene.ranges.anchor == 0
     np.testing.assert_allclose(scene.ranges.range_m[first], 20 + np.arange(0, 200, 5) / 100, 1e-6)
@@ -95,7 +97,7 @@ def test_a_bag_without_an_index(drives: dict[str, Path], tmp_path: Path) -> None
     path.write_bytes(data[:place] + bytes(8) + data[place + 8 : index])
     log = RosLog(path)
     assert len(log.ranges()) == 120
-    assert log.notes == []
+    assert log.notes == [TAKEN]
 
 
 @pytest.mark.parametrize("kind", FORMATS)
@@ -129,7 +131,11 @@ def test_arrays_beside_each_other(tmp_path: Path) -> None:
     scene, notes = read_described(path)
     assert scene.anchor_ids == ("A", "B")
     assert scene.ranges.range_m.tolist()[:2] == [12.5, 30.25]
-    assert notes == ("/uwb: no header, so the time of recording is used",)
+    assert notes == (
+        POSE,
+        "ranges: /uwb: anchor: ids, range: ranges",
+        "/uwb: no header, so the time of recording is used",
+    )
     with pytest.raises(
         InputError, match=r"no field 'header.stamp'.*clock: receive does without it"
     ):
@@ -184,7 +190,7 @@ def test_readings_without_a_range_are_left_out_and_counted(tmp_path: Path) -> No
 
     scene, notes = read_described(write_ranges(tmp_path, "bag", FLAT, each))
     assert len(scene.ranges) == 4
-    assert notes == ("/uwb: skipped 1 reading without a range",)
+    assert notes == (POSE, TAKEN, "/uwb: skipped 1 reading without a range")
 
 
 def test_a_header_that_was_never_set(tmp_path: Path) -> None:
