@@ -1,8 +1,8 @@
 """The library's front door: from whatever names a log to its scenes, and to a reconstruction.
 
-A log is a folder in GAIA's own format, a folder with a ``gaia.yaml``, a ROS 2 folder, or a ``.bag``
-or ``.mcap`` file; a folder of such logs is all of them. A registered name comes before a folder of
-that name; ``./sim`` is the folder.
+A log is a folder in GAIA's own format, a folder with a ``gaia.yaml``, or a ROS log (a ``.bag``,
+``.mcap`` or ``.db3`` file, or a ROS 2 folder); a folder of such logs is all of them. A registered
+name comes before a folder of that name; ``./sim`` is the folder.
 
 >>> from gaia_uwb.api import reconstruct
 >>> result = reconstruct("sim:lane-closure")
@@ -137,9 +137,9 @@ def load_scenes(source: str | Path, *, data_dir: Path | None = None) -> list[Sce
     Parameters
     ----------
     source
-        A log (a folder in GAIA's own format, a folder with a ``gaia.yaml``, a ROS 2 folder, a
-        ``.bag`` or ``.mcap`` file) or a folder of logs; or the name of a data set or the simulator,
-        and a part of it after a colon. A ``Path`` is never read as a name.
+        A log (a folder in GAIA's own format, a folder with a ``gaia.yaml``, or a ROS log) or a
+        folder of logs; or the name of a data set or the simulator, and a part of it after a colon.
+        A ``Path`` is never read as a name.
     data_dir
         Folder that holds the data sets, see :func:`gaia_uwb.logs.data_folder`.
 
@@ -259,7 +259,7 @@ def _logs_at(path: Path, source: str) -> list[Path]:
     if is_described(path):
         return [path]
     if path.is_file():
-        problem = "is a file; give the folder with trajectory and ranges, or a .bag or .mcap file"
+        problem = "is a file; give the folder with trajectory and ranges, or a ROS log"
         raise SourceError(f"{source}: {problem}")
     if not path.is_dir():
         known = ", ".join([*REGISTRY, SIMULATOR])

@@ -40,7 +40,7 @@ SourceArgument = Annotated[
     str,
     typer.Argument(
         metavar="SOURCE",
-        help="A log (a folder in GAIA's own format, a .bag or .mcap file, or a folder with "
+        help="A log (a folder in GAIA's own format, a ROS log, or a folder with "
         "gaia.yaml), a folder of logs, or NAME[:PART], such as outdoor-uwb:NLOS/B/4 or sim.",
     ),
 ]
