@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gaia_uwb.logs._logs import LogTable
 from gaia_uwb.logs._table import Table
 from gaia_uwb.logs._tidy import Tidied, tidy
 
@@ -107,6 +108,34 @@ def test_a_log_that_was_appended_twice_is_no_clock_step() -> None:
     assert tidied.problems == ()
     assert tidied.notes[-1] == "uwb.parquet: skipped 300 rows with the anchor and time of another"
     np.testing.assert_array_equal(tidied.table["range_m"], table["range_m"])
+
+
+def test_a_table_with_a_column_per_anchor() -> None:
+    """Its readings come anchor by anchor, each in the order of the file."""
+    t_s = np.arange(0, 60, STEP_S)
+    tidied = tidy(make_wide_table(t_s))
+    assert tidied.notes == tidied.problems == ()
+    t_s[200:] -= 5.0
+    (problem,) = tidy(make_wide_table(t_s)).problems
+    assert problem.startswith("wide.csv, row 202, column t_s: the time jumps back by 5.0 s")
+
+
+def make_wide_table(t_s: np.ndarray) -> LogTable:
+    n = len(t_s)
+    columns = {
+        "t_s": np.tile(t_s, 2),
+        "anchor_id": np.repeat([0, 1], n),
+        "range_m": np.random.default_rng(0).uniform(5, 50, 2 * n),
+    }
+    return LogTable(
+        Path("wide.csv"),
+        columns,
+        {"anchor_id": ("a", "b")},
+        (),
+        number=np.tile(np.arange(2, n + 2), 2),
+        origin=np.zeros(2 * n, np.int64),
+        origins=("wide.csv, row",),
+    )
 
 
 def test_whole_seconds_are_named_where_they_cost_much() -> None:

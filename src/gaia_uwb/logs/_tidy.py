@@ -14,6 +14,7 @@ from typing import Generic, TypeVar, cast
 import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, counted, percent
+from gaia_uwb.logs._logs import LogTable
 from gaia_uwb.logs._table import Table
 
 _Table = TypeVar("_Table", bound=Table)
@@ -56,10 +57,12 @@ def tidy(table: _Table, *, merged: bool = False) -> Tidied[_Table]:
     """
     t_s, anchor = table["t_s"], table.get("anchor_id")
     notes, problems = [], []
-    n_late = int((np.diff(t_s) < 0).sum())
-    if n_late and not merged:
-        problems = list(_clock_steps(table))
-        if not problems:
+    goes_back = np.diff(t_s) < 0
+    if goes_back.any() and not merged:
+        problems = list(dict.fromkeys(_clock_steps(table)))
+        # Where a row of the file holds all anchors, each anchor's readings begin anew.
+        n_late = int((goes_back & _goes_on(table)).sum())
+        if n_late and not problems:
             late = counted(n_late, "row")
             notes.append(f"{table.path.name}: sorted by time, as {late} came late")
     keys = (t_s,) if anchor is None else (anchor, t_s)
@@ -69,13 +72,20 @@ def tidy(table: _Table, *, merged: bool = False) -> Tidied[_Table]:
         repeat &= np.diff(key[order]) == 0
     if repeat.any():
         notes.append(_repeats(table, int(repeat.sum())))
-    elif not n_late:
+    elif not goes_back.any():
         return Tidied(table, (), ())
     kept = np.ones(len(table), np.bool_)
     kept[order[1:][repeat]] = False
     rows = np.flatnonzero(kept)
     rows = rows[np.argsort(t_s[rows], kind="stable")]
     return Tidied(cast("_Table", table.take(rows)), tuple(notes), tuple(problems))
+
+
+def _goes_on(table: Table) -> Bool[Array, "K"]:
+    """Return which readings stand after the one before them in the file too."""
+    if isinstance(table, LogTable):
+        return np.asarray(np.diff(table.number) > 0)
+    return np.ones(max(len(table) - 1, 0), np.bool_)
 
 
 def _repeats(table: Table, n_repeats: int) -> str:
