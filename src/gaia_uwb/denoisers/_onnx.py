@@ -1,16 +1,23 @@
-"""Trained networks in ONNX Runtime: find a model and start it."""
+"""Trained networks in ONNX Runtime: find a model, start it and run it.
+
+A model may be a stranger's. Whatever it does to ONNX Runtime (outputs of other names, types or
+shapes, a loop without end, data in other files) becomes one line.
+"""
 
 from __future__ import annotations
 
 import os
+import re
+import threading
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from pydantic import Field
 
-from gaia_uwb._shared import ConfigError
+from gaia_uwb._shared import Array, ConfigError, Float64
 from gaia_uwb.denoisers._base import Options
 from gaia_uwb.models import (
     ONNX,
@@ -24,6 +31,11 @@ from gaia_uwb.models import (
 
 if TYPE_CHECKING:
     import onnxruntime
+
+_SILENT = 4  # of what it logs, only what ends the process
+_FOLDER_OF_OTHER_FILES = "session.model_external_initializers_file_folder_path"
+_LONGEST_RUN_S = 600.0  # our own networks take seconds
+_COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 
 
 class TrainedOptions(Options):
@@ -58,10 +70,84 @@ def find_trained(kind: str, model: str, family: type[Model]) -> tuple[Path, Mode
     return folder, found
 
 
+class Network:
+    """A network that is ready to run.
+
+    Parameters
+    ----------
+    session
+        That runs it.
+    source
+        What to call it.
+    """
+
+    def __init__(self, session: onnxruntime.InferenceSession, source: str) -> None:
+        self._session = session
+        self._source = source
+
+    def run(
+        self, inputs: Mapping[str, Array], shapes: Mapping[str, tuple[int, ...]]
+    ) -> dict[str, Float64[Array, "*shape"]]:
+        """Return the network's outputs by name.
+
+        Parameters
+        ----------
+        inputs
+            Its inputs by name.
+        shapes
+            The shape of each output that is wanted.
+
+        Raises
+        ------
+        ConfigError
+            If it cannot be run, takes too long, or an output is not of numbers or of another shape.
+        """
+        values = self._values(list(shapes), dict(inputs))
+        found = {}
+        for (name, shape), value in zip(shapes.items(), values, strict=True):
+            if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu":
+                raise self._error(f"output {name}: expected numbers")
+            if value.shape != shape:
+                raise self._error(f"output {name}: expected the shape {shape}, got {value.shape}")
+            found[name] = value.astype(np.float64)
+        return found
+
+    def _values(self, names: list[str], inputs: dict[str, Array]) -> list[Any]:
+        """Run it in a thread of its own: this one can be interrupted, ONNX Runtime cannot."""
+        import onnxruntime
+
+        options = onnxruntime.RunOptions()
+        options.log_severity_level = _SILENT
+        results: list[Any] = []
+        errors: list[Exception] = []
+
+        def work() -> None:
+            try:
+                results.append(self._session.run(names, inputs, options))
+            except Exception as error:  # onnxruntime's own classes have no common base but this
+                errors.append(error)
+
+        thread = threading.Thread(target=work, daemon=True)
+        thread.start()
+        try:
+            thread.join(_LONGEST_RUN_S)
+        finally:
+            options.terminate = True  # where it still runs: an interrupt, or a loop without end
+        if errors:
+            raise self._error(_reason(errors[0])) from errors[0]
+        if not results:
+            raise self._error(f"no result within {_LONGEST_RUN_S:g} s")
+        values: list[Any] = results[0]
+        return values
+
+    def _error(self, problem: str) -> ConfigError:
+        return ConfigError(f"{self._source}: cannot run this model: {problem}")
+
+
 def start_network(
     folder: Path, description: WindowModel | ZoneModel, inputs: Mapping[str, int | None]
-) -> onnxruntime.InferenceSession:
-    """Return a session that runs a model's network; reused while its file stays the same.
+) -> Network:
+    """Return a model's network, ready to run; its session is reused while its file is the same.
 
     Parameters
     ----------
@@ -80,10 +166,10 @@ def start_network(
     """
     source = str(folder / ONNX)
     session = _kept_session(read_file(folder, ONNX, description), source)
-    found = {part.name: part.shape[-1] for part in session.get_inputs()}
+    found = {part.name: part.shape[-1] if part.shape else 1 for part in session.get_inputs()}
     if found.keys() != inputs.keys() or any(inputs[k] not in (None, found[k]) for k in found):
         raise ConfigError(f"{source}: cannot run this model: expected the inputs {dict(inputs)}")
-    return session
+    return Network(session, source)
 
 
 @lru_cache(maxsize=8)
@@ -112,12 +198,17 @@ def start_session(content: bytes, source: str) -> onnxruntime.InferenceSession:
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = _n_processors()
-    options.log_severity_level = 3
+    options.log_severity_level = _SILENT
+    # Weights in other files would be in no checksum: they are looked for where no file can lie.
+    options.add_session_config_entry(_FOLDER_OF_OTHER_FILES, os.devnull)
     try:
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's own classes have no common base but this
-        reason = " ".join(str(error).split())
-        raise ConfigError(f"{source}: cannot run this model: {reason}") from error
+        raise ConfigError(f"{source}: cannot run this model: {_reason(error)}") from error
+
+
+def _reason(error: Exception) -> str:
+    return " ".join(_COLOURS.sub("", str(error)).split())[:300]
 
 
 def _n_processors() -> int:

@@ -32,7 +32,6 @@ from gaia_uwb.models import (
     zone_readings,
 )
 
-_OUTPUTS = ("denoised_range", "log_sigma", "place", "information", "scene_logit", "side_logit")
 _SHORT = 512  # steps of what is taken as it is, not from the first range to the last
 _READINGS = 1 << 17  # (episodes x anchors x steps) that the network takes at a time
 _PAIRS = 1 << 16  # (episodes x anchors x anchors) that it takes at a time
@@ -70,7 +69,7 @@ class ZoneNetwork(Denoiser):
         super().__init__(options)
         folder, self.description = find_trained("gaia-set", options.model, ZoneModel)
         sizes = dict.fromkeys(ZoneInputs._fields)
-        self._session = start_network(folder, self.description, sizes)
+        self._network = start_network(folder, self.description, sizes)
 
     def __call__(self, episodes: Sequence[Episode]) -> list[DenoisedRanges]:
         """Denoise and locate; see the base class. ``zone`` holds the places."""
@@ -98,11 +97,7 @@ class ZoneNetwork(Denoiser):
         """Denoise episodes of one number of steps and of anchors."""
         inputs, frame = make_zone_inputs(zone_readings(episodes))
         feed = dict(zip(ZoneInputs._fields, inputs, strict=True))
-        values = self._session.run(list(_OUTPUTS), feed)
-        output = {
-            name: np.asarray(value, dtype=np.float64)
-            for name, value in zip(_OUTPUTS, values, strict=True)
-        }
+        output = self._network.run(feed, _shapes(episodes))
         zones = self._zones(episodes, output, frame)
         results = []
         for b, (episode, zone) in enumerate(zip(episodes, zones, strict=True)):
@@ -148,6 +143,19 @@ class ZoneNetwork(Denoiser):
         pieces = pieces_of(episode)
         found = [self([piece.of(episode)])[0] for piece in pieces]
         return put_together(episode, pieces, found)
+
+
+def _shapes(episodes: Sequence[Episode]) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the outputs that are used."""
+    b, n, t = len(episodes), episodes[0].n_anchors, episodes[0].n_steps
+    return {
+        "denoised_range": (b, n, t),
+        "log_sigma": (b, n, t),
+        "place": (b, n, 2, 2),
+        "information": (b, n, 2, 3),
+        "scene_logit": (b,),
+        "side_logit": (b, n, 2),
+    }
 
 
 def _too_much(episode: Episode) -> bool:

@@ -61,7 +61,7 @@ class WindowNetwork(Denoiser):
         folder, self.description = find_trained(self.kind, options.model, WindowModel)
         n = self.description.n_anchors
         sizes = dict(zip(WindowInputs._fields, (2, n, n, n), strict=True))
-        self._session = start_network(folder, self.description, sizes)
+        self._network = start_network(folder, self.description, sizes)
 
     def __call__(self, episodes: Sequence[Episode]) -> list[DenoisedRanges]:
         """Denoise episodes; see the base class.
@@ -112,8 +112,9 @@ class WindowNetwork(Denoiser):
         description = self.description
         features = make_window_inputs(windows, description.n_anchors, description.normalisation)
         inputs: dict[str, Any] = dict(zip(WindowInputs._fields, features, strict=True))
-        (distance,) = self._session.run(["predicted_distance"], inputs)
-        range_m = np.asarray(distance, dtype=np.float64) * description.normalisation.scale_m
+        shape = (len(windows), windows[0].n_steps, description.n_anchors)
+        output = self._network.run(inputs, {"predicted_distance": shape})
+        range_m = output["predicted_distance"] * description.normalisation.scale_m
         mistaken = [
             k
             for k, window in enumerate(windows)
