@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gaia_uwb import pipeline
-from gaia_uwb._shared import ConfigError, GaiaError, InputError, SourceError, visible
+from gaia_uwb._shared import SourceError, visible
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.logs import (
     REGISTRY,
@@ -181,7 +181,7 @@ def load_scenes(source: str | Path, *, data_dir: Path | None = None) -> list[Sce
 
 def load_readable(
     source: str, *, data_dir: Path | None = None
-) -> tuple[list[Scene], list[GaiaError]]:
+) -> tuple[list[Scene], list[tuple[Path, Exception]]]:
     """Load the readable logs in a folder, and return the errors of the others with them.
 
     Parameters
@@ -193,8 +193,9 @@ def load_readable(
     -------
     list of Scene
         None if no log can be read.
-    list of GaiaError
-        One per log that cannot be read.
+    list of (Path, Exception)
+        One per log that cannot be read; an error that is no :class:`GaiaError` is a fault of the
+        program.
 
     Raises
     ------
@@ -204,12 +205,12 @@ def load_readable(
     if source.partition(":")[0] in {SIMULATOR, *REGISTRY}:
         return load_scenes(source, data_dir=data_dir), []
     scenes: list[Scene] = []
-    errors: list[GaiaError] = []
+    errors: list[tuple[Path, Exception]] = []
     for path in logs_of(source):
         try:
             scenes.append(read_log(path))
-        except (InputError, ConfigError) as error:
-            errors.append(error)
+        except Exception as error:  # a fault in one log must not cost the others
+            errors.append((path, error))
     return scenes, errors
 
 

@@ -116,7 +116,7 @@ def test_a_folder_of_logs_is_fused_when_asked(run, tmp_path: Path) -> None:  # t
     run("simulate", "--preset", "straight", "--seed", 3, "--lanes=0,3.6", "--out", zone)
     names = ["sim-3-0-pass-0", "sim-3-0-pass-1"]
     run("reconstruct", zone, "--denoiser", "raw", "--out", tmp_path / "each")
-    assert sorted(path.name for path in (tmp_path / "each").iterdir()) == names
+    assert sorted(path.parent.name for path in (tmp_path / "each").glob("*/report.json")) == names
     code, _, _ = run(
         "reconstruct", zone, "--one-zone", "--denoiser", "raw", "--out", tmp_path / "fused"
     )

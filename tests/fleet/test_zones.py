@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import multiprocessing
 import os
 import shutil
 import signal
@@ -189,6 +190,29 @@ def test_a_killed_process_costs_no_zone(logs: Path, one: Path, tmp_path: Path) -
     os.kill(process, signal.SIGKILL)
     assert fleet_run.wait() == 1  # one log is broken
     assert files_of(tmp_path / "out") == files_of(one)
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_an_interrupt_waits_for_no_zone(
+    logs: Path, tmp_path: Path, workers: str, run: Callable[..., tuple[int, str, str]]
+) -> None:
+    fleet_run, process = start_and_hold(logs, tmp_path, "--workers", workers)
+    os.killpg(fleet_run.pid, signal.SIGINT)  # to all its processes, as a terminal does
+    assert fleet_run.wait(timeout=60) == 130  # the slow zone would wait for ever
+    with pytest.raises(ProcessLookupError):
+        os.kill(process, 0)
+    assert not (tmp_path / "out" / "zone-1" / "fleet.json").exists()
+    (tmp_path / "hold").unlink()
+    run("fleet", logs, "--config", tmp_path / "raw.yaml", "--out", tmp_path / "out")
+    assert not hidden_in(tmp_path / "out")
+
+
+def test_whoever_wants_no_more_results_leaves_no_process(logs: Path, tmp_path: Path) -> None:
+    results = reconstruct_fleet(find_zones(logs), tmp_path, RAW)
+    assert next(results).zone == "zone-0"
+    assert multiprocessing.active_children()
+    results.close()
+    assert not multiprocessing.active_children()
 
 
 def test_manifests_name_log_and_zone(logs: Path, tmp_path: Path) -> None:

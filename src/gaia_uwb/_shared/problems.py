@@ -43,7 +43,7 @@ class Problem:
         return bool(self.traceback)
 
 
-def problem_of(error: Exception) -> Problem:
+def problem_of(error: BaseException) -> Problem:
     """Return what an error means for the user.
 
     Parameters

@@ -12,11 +12,9 @@ import typer
 
 from gaia_uwb.cli.data import data_app
 from gaia_uwb.cli.evaluate import evaluate
-from gaia_uwb.cli.exit_codes import INTERRUPTED, stop
+from gaia_uwb.cli.exit_codes import FAULT, INTERRUPTED, keep_traceback, stop
 from gaia_uwb.cli.fleet import fleet
-from gaia_uwb.cli.options import (
-    version,
-)
+from gaia_uwb.cli.options import RunningCommand, version
 from gaia_uwb.cli.reconstruct import reconstruct
 from gaia_uwb.cli.reproduce import reproduce_app
 from gaia_uwb.cli.simulate import simulate
@@ -26,6 +24,8 @@ from gaia_uwb.cli.wzdx import wzdx_app
 app = typer.Typer(
     name="gaia",
     help="Turn the log of a drive past a work zone into cone positions and a boundary.",
+    epilog="Exit codes: 0 done; 1 done, but a result is unreliable; 2 bad input or usage; "
+    "3 a fault of the program; 130 interrupted. Of several, the highest counts.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -52,24 +52,29 @@ def main() -> None:
     """Run the command line; the entry point of ``gaia``."""
     import gc
 
-    from gaia_uwb._shared import GaiaError
+    from gaia_uwb._shared import problem_of
 
     # Imports make hundreds of thousands of objects that stay; looking through them again and again
     # for garbage takes a seventh of a short command's time.
     gc.set_threshold(100_000)
+    # A name of a file may hold what the terminal's encoding lacks.
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+    running = RunningCommand()
     try:
-        code = app(standalone_mode=False)
-    except GaiaError as error:
-        stop(str(error))
-    except MemoryError:
-        stop("not enough memory for this log")
-    except OSError as error:
-        stop(f"{error.filename or 'file system'}: {error.strerror or error}")
-    except Exception as error:
+        code = app(standalone_mode=False, obj=running)
+    except (SystemExit, KeyboardInterrupt):
+        raise
+    except BaseException as error:  # a panic of polars is no Exception
         # A usage error of typer's; its class lives in another package from version to version.
-        if not hasattr(error, "format_message"):
-            raise
-        stop(error.format_message() or "expected a command; see gaia --help")
+        if hasattr(error, "format_message"):
+            stop(error.format_message() or "expected a command; see gaia --help")
+        problem = problem_of(error)
+        if problem.is_fault:
+            where = keep_traceback(problem.traceback, running.out)
+            stop(f"{problem.text} ({where})", FAULT)
+        stop(problem.text)
     if code == INTERRUPTED:
         stop("interrupted", INTERRUPTED)
     sys.exit(code if isinstance(code, int) else 0)

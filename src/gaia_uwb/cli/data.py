@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from gaia_uwb.cli.exit_codes import BAD_INPUT, UNRELIABLE
+from gaia_uwb.cli.exit_codes import BAD_INPUT, FAULT, UNRELIABLE, keep_traceback, tell
 from gaia_uwb.cli.options import DataDirOption, SourceArgument
 from gaia_uwb.cli.terminal import progress_bar
 
@@ -56,6 +56,7 @@ def data_check(
     """Report what a log contains, its problems and what it can support; exit 1 on problems."""
     import json
 
+    from gaia_uwb._shared import faults_text
     from gaia_uwb.evaluate import check_source
 
     reports = check_source(source, data_dir=data_dir)
@@ -65,6 +66,12 @@ def data_check(
     else:
         for report in reports:
             typer.echo("\n".join(report.lines()))
+    if faulty := [report for report in reports if report.traceback]:
+        text = faults_text([(report.name, report.traceback) for report in faulty])
+        where = keep_traceback(text, None)
+        for report in faulty:
+            tell(f"{report.name}: {report.problems[0]} ({where})")
+        raise typer.Exit(FAULT)
     if not all(report.readable for report in reports):
         raise typer.Exit(BAD_INPUT)
     if any(report.problems for report in reports):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gaia_uwb._shared import written_out
-from gaia_uwb.cli.exit_codes import UNRELIABLE
+from gaia_uwb._shared import FAULTS_LOG, written_out
+from gaia_uwb.cli.exit_codes import FAULT, UNRELIABLE, tell
 from gaia_uwb.cli.options import ConfigOption, OutOption
 from gaia_uwb.cli.terminal import progress_bar
 
@@ -36,7 +37,7 @@ def fleet(
     """Fuse the passes of many zones; run it again to resume after an interruption."""
     from gaia_uwb._shared import ConfigError
     from gaia_uwb.config import PipelineConfig, load_config
-    from gaia_uwb.fleet import TABLES, find_zones, reconstruct_fleet, write_tables
+    from gaia_uwb.fleet import FAILURE_FILES, ZONES, find_zones, reconstruct_fleet, write_tables
     from gaia_uwb.logs import results_folder
 
     if scheduler is not None and workers > 1:
@@ -44,22 +45,29 @@ def fleet(
     settings = PipelineConfig() if config is None else load_config(config)
     zones = find_zones(source, out)
     logs = (log for zone in zones for log in zone.logs)
-    results_folder(out, [source, *logs]).claim(TABLES)
+    results_folder(out, [source, *logs]).claim([ZONES, *FAILURE_FILES])
     results = []
     with progress_bar() as progress:
         task = progress.add_task("zones", total=len(zones))
-        for result in reconstruct_fleet(zones, out, settings, workers=workers, scheduler=scheduler):
-            results.append(result)
-            progress.advance(task)
-            if progress.disable:
-                line = f"{len(results)} of {len(zones)}: {result.zone} {result.status}"
-                typer.echo(written_out(line))
+        found = reconstruct_fleet(zones, out, settings, workers=workers, scheduler=scheduler)
+        with closing(found):  # so that an interrupt ends its processes at once
+            for result in found:
+                results.append(result)
+                progress.advance(task)
+                if progress.disable:
+                    line = f"{len(results)} of {len(zones)}: {result.zone} {result.status}"
+                    typer.echo(written_out(line))
     write_tables(results, out)
     failures = sum(len(result.failures) for result in results)
+    faults = [f for result in results for f in result.failures if f.traceback]
     unsure = sum(result.status != "ok" for result in results)
     typer.echo(
         f"{len(zones)} zones: {len(zones) - unsure} ok, {unsure} not ok; {failures} failures, "
         f"listed in {out / 'failures.csv'}"
     )
+    for fault in faults:
+        tell(f"{fault.zone} {fault.log}: {fault.problem} (traceback in {out / FAULTS_LOG})")
+    if faults:
+        raise typer.Exit(FAULT)
     if failures or unsure:
         raise typer.Exit(UNRELIABLE)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, no_type_check
 
 import typer
 
@@ -44,7 +45,32 @@ SourceArgument = Annotated[
         "gaia.yaml), a folder of logs, or NAME[:PART], such as outdoor-uwb:NLOS/B/4 or sim.",
     ),
 ]
-OutOption = Annotated[Path, typer.Option("--out", help="Output folder; created if missing.")]
+
+
+@dataclass
+class RunningCommand:
+    """What is known of the command that runs; typer hands it to callbacks as the context's object.
+
+    Parameters
+    ----------
+    out
+        The folder for results, if the command has one.
+    """
+
+    out: Path | None = None
+
+
+@no_type_check  # the class of a context is another one from version to version of typer
+def _remember_out(context: typer.Context, out: Path) -> Path:
+    if isinstance(context.obj, RunningCommand):
+        context.obj.out = out
+    return out
+
+
+OutOption = Annotated[
+    Path,
+    typer.Option("--out", help="Output folder; created if missing.", callback=_remember_out),
+]
 DataDirOption = Annotated[
     Path | None,
     typer.Option(help="Folder with the data sets, one subfolder each [GAIA_DATA_DIR]."),

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gaia_uwb._shared import printable
-from gaia_uwb.cli.exit_codes import UNRELIABLE, stop
+from gaia_uwb.cli.exit_codes import BAD_INPUT, FAULT, UNRELIABLE, stop, tell
 from gaia_uwb.cli.options import (
     ClosureOption,
     ConfigOption,
@@ -27,7 +26,8 @@ from gaia_uwb.cli.terminal import print_summary, progress_bar, track
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from gaia_uwb._shared import GaiaError
+    from gaia_uwb._shared import OutputFolder
+    from gaia_uwb.scene import Scene
 
 
 def reconstruct(
@@ -69,22 +69,26 @@ def reconstruct(
     ] = False,
 ) -> None:
     """Locate the cones and draw the boundary, from the log of one drive or of several."""
-    from gaia_uwb._shared import InputError
+    from gaia_uwb._shared import ConfigError
     from gaia_uwb.api import load_readable
     from gaia_uwb.evaluate import reconstruct_and_score
+    from gaia_uwb.fleet import FAILURE_FILES
     from gaia_uwb.logs import results_folder
     from gaia_uwb.outputs import RESULT_FILES, write_all
     from gaia_uwb.reconstruction import ReconstructionStatus
 
     settings = make_settings(config, denoiser, solver)
     settings = with_prior(settings, side, closure, spacing, known_anchor)
-    results_folder(out, sources, data_dir=data_dir)
-    scenes, failures = [], []
+    results = results_folder(out, sources, data_dir=data_dir)
+    scenes: list[Scene] = []
+    failures: list[tuple[str | Path, Exception]] = []
     for source in sources:
         readable, unreadable = load_readable(source, data_dir=data_dir)
         scenes += readable
         failures += unreadable
     n_logs = len(scenes) + len(failures)
+    if n_logs > 1:
+        results.claim(FAILURE_FILES)
     reliable = True
     with progress_bar() as progress:
         if one_zone if one_zone is not None else len(sources) > 1:
@@ -97,27 +101,45 @@ def reconstruct(
         for passes, folder in track(progress, runs, "reconstruct"):
             try:
                 result, metrics = reconstruct_and_score(passes, settings)
-            except InputError as error:
+                paths = write_all(result, folder, metrics, svg=svg, gis=gis)
+            except ConfigError:
+                raise  # the same for all
+            except Exception as error:  # a fault in one log must not cost the others
                 if len(passes) > 1:
                     raise
-                failures.append(error)
+                failures.append((passes[0].name, error))
                 continue
-            paths = write_all(result, folder, metrics, svg=svg, gis=gis)
             reliable &= result.status is ReconstructionStatus.OK
             print_summary(progress, result, metrics, paths)
-    _stop_at(failures, n_logs)
+    _tell_failures(failures, n_logs, results)
     if not reliable:
         raise typer.Exit(UNRELIABLE)
 
 
-def _stop_at(failures: Sequence[GaiaError], n_logs: int) -> None:
-    """Name the logs that were skipped; the error of a single log is the command's own."""
-    if n_logs == 1 and failures:
-        raise failures[0]
-    for error in failures:
-        sys.stderr.write(f"gaia: skipped: {printable(str(error))}\n")
-    if failures:
-        stop(f"{len(failures)} of {n_logs} logs were skipped")
+def _tell_failures(
+    failures: Sequence[tuple[str | Path, Exception]], n_logs: int, folder: OutputFolder
+) -> None:
+    """List the logs that were skipped; the error of a single log is the command's own."""
+    from gaia_uwb._shared import FAULTS_LOG
+    from gaia_uwb.fleet import Failure, write_failures
+
+    if n_logs == 1:
+        folder.remove(FAULTS_LOG)  # of an earlier run
+        for _, error in failures:
+            raise error
+        return
+    rows = [Failure.of(Path(log).name, str(log), error) for log, error in failures]
+    write_failures(rows, folder)
+    faults = [row for row in rows if row.traceback]
+    for row in rows:
+        if row in faults:
+            where = folder.path / FAULTS_LOG
+            tell(f"skipped: {row.log}: {row.problem} (traceback in {where})")
+        else:
+            tell(f"skipped: {row.problem}")
+    if rows:
+        code = FAULT if faults else BAD_INPUT
+        stop(f"{len(rows)} of {n_logs} logs were skipped", code)
 
 
 def _folders(out: Path, names: Sequence[str], *, several: bool = False) -> list[Path]:

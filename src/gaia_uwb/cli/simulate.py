@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gaia_uwb.cli.options import DataDirOption, version
+from gaia_uwb.cli.options import DataDirOption, OutOption, version
 from gaia_uwb.cli.terminal import progress_bar
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class TableFormat(StrEnum):
 
 
 def simulate(
-    out: Annotated[Path, typer.Option("--out", help="Output folder; created if missing.")],
+    out: OutOption,
     preset: Annotated[
         str, typer.Option(help="Kind of pass: a preset's name, or a YAML settings file.")
     ] = "lane-closure",

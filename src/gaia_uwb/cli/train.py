@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gaia_uwb.cli.options import DataDirOption, require_torch, version
+from gaia_uwb.cli.options import DataDirOption, OutOption, require_torch, version
 from gaia_uwb.cli.terminal import progress_bar, track
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def train(
         str,
         typer.Option(help="sim:PRESET, or surveyed logs (outdoor-uwb); sim:mixed for gaia-set."),
     ],
-    out: Annotated[Path, typer.Option("--out", help="Output folder; created if missing.")],
+    out: OutOption,
     split: Annotated[
         str,
         typer.Option(help="Logs only: all, or a fold to hold out: window/K, run/K or layout/K."),

@@ -10,7 +10,7 @@ import typer
 
 from gaia_uwb._shared import written_out
 from gaia_uwb.cli.exit_codes import BAD_INPUT, UNRELIABLE
-from gaia_uwb.cli.options import DataDirOption
+from gaia_uwb.cli.options import DataDirOption, OutOption
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -66,7 +66,7 @@ def write(
         Path,
         typer.Option("--config", help="YAML file with the publisher, road, dates and so on."),
     ],
-    out: Annotated[Path, typer.Option("--out", help="Output folder; created if missing.")],
+    out: OutOption,
     update_date: Annotated[
         str | None,
         typer.Option(help="Date of the information, such as 2026-11-22T10:00:00Z [now]."),

@@ -144,8 +144,8 @@ class _View:
         """Length and width of the strip that holds the path on which ranges came in."""
         path_m = self.episode.position_m[self.episode.valid.any(axis=1)]
         centred_m = path_m - path_m.mean(axis=0)
-        axes = np.linalg.svd(centred_m, full_matrices=False)[2]
-        length_m, width_m = np.ptp(centred_m @ axes.T, axis=0)
+        _, axes = np.linalg.eigh(centred_m.T @ centred_m)  # two, also where there is one step
+        width_m, length_m = np.ptp(centred_m @ axes, axis=0)
         return float(length_m), float(width_m)
 
 

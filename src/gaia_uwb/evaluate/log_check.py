@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Bool, GaiaError, in_a_line
+from gaia_uwb._shared import Array, Bool, in_a_line, problem_of
 from gaia_uwb.alignment import contradicting
 from gaia_uwb.evaluate.observability import Observability, observe
 from gaia_uwb.scene import Scene, Trajectory
@@ -113,6 +113,8 @@ class CheckReport:
         What is worth knowing.
     readable
         Whether the log could be read at all.
+    traceback
+        Of the fault of the program because of which it was not checked, if there is one.
     """
 
     name: str
@@ -122,11 +124,13 @@ class CheckReport:
     problems: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     readable: bool = True
+    traceback: str = ""
 
     @classmethod
-    def of_failure(cls, name: str, error: GaiaError) -> CheckReport:
-        """Return the report on a log that cannot be read."""
-        return cls(name, problems=(str(error),), readable=False)
+    def of_failure(cls, name: str, error: Exception) -> CheckReport:
+        """Return the report on a log that cannot be read or checked."""
+        problem = problem_of(error)
+        return cls(name, problems=(problem.text,), readable=False, traceback=problem.traceback)
 
     def lines(self) -> list[str]:
         """Return the report as lines of text that a screen can show."""
@@ -151,6 +155,7 @@ class CheckReport:
     def as_json(self) -> dict[str, Any]:
         """Return the report as plain values; a number that is not finite is None."""
         content: dict[str, Any] = _finite(asdict(self))
+        content.pop("traceback")
         return content
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gaia_uwb._shared import ConfigError, InputError
+from gaia_uwb._shared import InputError
 from gaia_uwb.api import SIMULATOR, load_scenes, logs_of, read_log
 from gaia_uwb.evaluate.log_check import CheckReport, check_scene
 from gaia_uwb.logs import REGISTRY, dataset_folder, import_function
@@ -44,5 +44,5 @@ def check_source(source: str, *, data_dir: Path | None = None) -> list[CheckRepo
 def _check_log(path: Path) -> CheckReport:
     try:
         return check_scene(read_log(path))
-    except (InputError, ConfigError) as error:
+    except Exception as error:  # a fault in one log must not cost the others
         return CheckReport.of_failure(str(path), error)

@@ -293,9 +293,8 @@ class _Work:
                     except TimeoutError:  # its worker died with it: it is done again elsewhere
                         job.add_done_callback(done.put)
                         continue
-            if error is not None:
-                self._raise_unless_killed(error)
-            yield running.pop(job), result
+            zone = running.pop(job)
+            yield zone, result if error is None else self._failed(zone, error)
 
     def _submit(self, zone: ZoneLogs) -> Future[ZoneResult]:
         logs = [log for log in zone.logs if Path(log).exists()]
@@ -316,8 +315,10 @@ class _Work:
             "to resume"
         )
 
-    def _raise_unless_killed(self, error: BaseException) -> None:
+    def _failed(self, zone: ZoneLogs, error: BaseException) -> ZoneResult | None:
+        """Return the result of a zone whose task raised an error; None where it was killed."""
         from distributed import KilledWorker
 
-        if not isinstance(error, KilledWorker):
+        if isinstance(error, ConfigError):  # a worker that is not suitable, for no zone
             raise error
+        return None if isinstance(error, KilledWorker) else ZoneResult.failed(zone, error)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-from collections.abc import Iterator, Mapping, Sequence
+import signal
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -22,7 +23,7 @@ def reconstruct_fleet(
     *,
     workers: int = 1,
     scheduler: str | None = None,
-) -> Iterator[ZoneResult]:
+) -> Generator[ZoneResult, None, None]:
     """Reconstruct many zones and yield each as it is done; the results are the same everywhere.
 
     Parameters
@@ -61,7 +62,7 @@ def _in_processes(
                 while waiting and not killed and len(running) < 2 * workers:
                     zone = waiting[-1]
                     try:
-                        with _one_thread():  # a process is started here when one is needed
+                        with _as_worker():  # a process is started here when one is needed
                             job = pool.submit(reconstruct_zone, zone, out / zone.name, config)
                     except BrokenProcessPool:  # told when the next result is asked for
                         break
@@ -73,37 +74,64 @@ def _in_processes(
                     if isinstance(job.exception(), BrokenProcessPool):
                         killed.append(zone)
                     else:
-                        yield job.result()
+                        yield _result(zone, job)
         # A process was killed, and the pool with it. What it held starts again, each zone alone,
         # so that one that always ends so takes no other with it.
         for zone in killed:
             yield _alone(zone, out, config)
 
 
-def _processes(workers: int) -> ProcessPoolExecutor:
+@contextmanager
+def _processes(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Give a pool of processes that end with the block: at once if the work is broken off."""
     # Processes are started afresh: a fork would copy other libraries' threads half-way.
-    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+    spawn = multiprocessing.get_context("spawn")
+    others = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(workers, mp_context=spawn)
+    try:
+        yield pool
+    except BaseException:  # Ctrl-C, or whoever took the results wants no more
+        # A file is renamed when it is whole, so none is left half-written.
+        for process in set(multiprocessing.active_children()) - others:
+            process.kill()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _result(zone: ZoneLogs, job: Future[ZoneResult]) -> ZoneResult:
+    """Return a job's result; one that could not even be handed over is a failed zone."""
+    error = job.exception()
+    return job.result() if error is None else ZoneResult.failed(zone, error)
 
 
 def _alone(zone: ZoneLogs, out: Path, config: PipelineConfig) -> ZoneResult:
     """Reconstruct one zone in a process of its own."""
     with _processes(1) as pool:
         try:
-            with _one_thread():
+            with _as_worker():
                 job = pool.submit(reconstruct_zone, zone, out / zone.name, config)
-            return job.result()
+            wait([job])
         except BrokenProcessPool:
             return ZoneResult.failed(zone, KILLED)
+        killed = isinstance(job.exception(), BrokenProcessPool)
+        return ZoneResult.failed(zone, KILLED) if killed else _result(zone, job)
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
-    """Give numerical libraries of new processes one thread each."""
+def _as_worker() -> Iterator[None]:
+    """Give numerical libraries of new processes one thread each, and leave Ctrl-C to this one.
+
+    A terminal sends Ctrl-C to all processes. A signal that is blocked while a process is started
+    stays blocked there; here it is only late.
+    """
     before: Mapping[str, str | None] = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         for name, value in before.items():
             if value is None:
                 os.environ.pop(name, None)

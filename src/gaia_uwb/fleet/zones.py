@@ -16,23 +16,26 @@ import io
 import json
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
-from itertools import islice
 from pathlib import Path
 
 from gaia_uwb._shared import (
+    ConfigError,
     GaiaError,
     InputError,
     OutputFolder,
     SourceError,
+    csv_text,
+    paths_below,
     read_regular,
     shown,
     visible,
 )
 from gaia_uwb.config import PipelineConfig
+from gaia_uwb.fleet.failures import Failure, write_failures
 from gaia_uwb.scene import Scene
 
 ONE_THREAD = {
@@ -44,11 +47,11 @@ ONE_THREAD = {
 """Variables that limit the threads of numerical libraries, and the one that reads each as it is
 loaded."""
 
-KILLED = "the process that worked on it was killed"
-"""The problem of a zone that ends every process that works on it."""
+KILLED = GaiaError("the process that worked on it was killed")
+"""What is wrong with a zone that ends every process that works on it."""
 
-TABLES = ("zones.csv", "failures.csv")
-"""What is written beside the zones' folders."""
+ZONES = "zones.csv"
+"""The table of all zones, beside their folders."""
 
 _DONE = "fleet.json"
 _MOST_FILES = 10_000  # in a log's folder
@@ -73,15 +76,6 @@ class ZoneLogs:
 
 
 @dataclass(frozen=True)
-class Failure:
-    """A log that was skipped, or with an empty ``log`` a zone without a result."""
-
-    zone: str
-    log: str
-    problem: str
-
-
-@dataclass(frozen=True)
 class ZoneResult:
     """What came of one zone; ``status`` is ``failed`` where there is no result."""
 
@@ -94,22 +88,27 @@ class ZoneResult:
     failures: tuple[Failure, ...]
 
     @classmethod
-    def failed(cls, zone: ZoneLogs, problem: str) -> ZoneResult:
+    def failed(cls, zone: ZoneLogs, error: BaseException) -> ZoneResult:
         """Return the result of a zone without one: failed, and why.
 
         Parameters
         ----------
         zone
             The zone.
-        problem
-            Why, in one line.
+        error
+            What ended the work on it.
 
         Examples
         --------
-        >>> ZoneResult.failed(ZoneLogs("north", ()), "no logs").failures
-        (Failure(zone='north', log='', problem='no logs'),)
+        >>> ZoneResult.failed(ZoneLogs("north", ()), InputError("no logs")).failures[0].problem
+        'no logs'
         """
-        return cls(zone.name, "failed", 0, 0, 0, 0.0, (Failure(zone.name, "", problem),))
+        return cls(zone.name, "failed", 0, 0, 0, 0.0, (Failure.of(zone.name, "", error),))
+
+    @property
+    def has_fault(self) -> bool:
+        """Whether the program is to blame for a failure, and not a log."""
+        return any(failure.traceback for failure in self.failures)
 
 
 def find_zones(source: Path, out: Path | None = None) -> list[ZoneLogs]:
@@ -248,31 +247,32 @@ def reconstruct_zone(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> Zo
     Returns
     -------
     ZoneResult
-        With the logs that were skipped.
+        With the logs that were skipped. Whatever goes wrong is told in it and never raised.
     """
     try:
-        digest = _digest(zone, config)
-    except GaiaError as error:
-        return ZoneResult.failed(zone, str(error))
+        return _reconstruct_zone(zone, folder, config)
+    except Exception as error:  # a fault in one zone must not cost the others
+        return ZoneResult.failed(zone, error)
+
+
+def _reconstruct_zone(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> ZoneResult:
+    digest = _digest(zone, config)
     try:
         done = json.loads(read_regular(folder / _DONE, most_bytes=_MAX_MANIFEST_BYTES))
         if done["digest"] == digest:
             failures = tuple(Failure(**row) for row in done["result"].pop("failures"))
             return ZoneResult(**done["result"], failures=failures)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         pass  # not done yet, or done from something else
-    try:
-        result = _fused(zone, folder, config)
-    except GaiaError as error:
-        return ZoneResult.failed(zone, str(error))
-    content = {"digest": digest, "result": asdict(result)}
-    OutputFolder(folder).write(_DONE, json.dumps(content, indent=1) + "\n")
+    result = _fused(zone, folder, config)
+    if not result.has_fault:  # one that has is done again: the program may be mended by then
+        content = {"digest": digest, "result": asdict(result)}
+        OutputFolder(folder).write(_DONE, json.dumps(content, indent=1) + "\n")
     return result
 
 
 def _fused(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> ZoneResult:
-    from gaia_uwb.api import load_scenes
-    from gaia_uwb.locate import in_one_frame, same_drive
+    from gaia_uwb.locate import in_one_frame
     from gaia_uwb.outputs import write_all
     from gaia_uwb.pipeline import prepare, reconstruct_passes
 
@@ -281,21 +281,22 @@ def _fused(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> ZoneResult:
     failures: list[Failure] = []
     for log in zone.logs:
         try:
-            for scene in load_scenes(log):
-                twin = next((each for each in scenes if same_drive(each, scene)), None)
-                if twin is not None:
-                    raise InputError(f"is the same drive as {twin.name}", source=scene.name)
-                scenes.append(scene.without_truth())
-        except GaiaError as error:
-            failures.append(Failure(zone.name, log, str(error)))
+            for scene in _new_drives(log, scenes):
+                scenes.append(scene)
+        except Exception as error:  # a fault in one log must not cost the others
+            failures.append(Failure.of(zone.name, log, error))
     episodes = []
     for scene in in_one_frame(scenes):
         try:
             episodes.append(prepare(scene, config))
-        except InputError as error:
-            failures.append(Failure(zone.name, scene.name, str(error)))
+        except ConfigError:
+            raise
+        except Exception as error:
+            failures.append(Failure.of(zone.name, scene.name, error))
     if not episodes:
-        raise InputError("none of its logs can be used", source=zone.name)
+        problem = InputError("none of its logs can be used", source=zone.name)
+        failed = ZoneResult.failed(zone, problem)
+        return replace(failed, failures=(*failures, *failed.failures))
     result = reconstruct_passes(episodes, config)
     write_all(result, folder)
     return ZoneResult(
@@ -307,6 +308,18 @@ def _fused(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> ZoneResult:
         area_m2=result.boundary.area_m2,
         failures=tuple(failures),
     )
+
+
+def _new_drives(log: str, known: Sequence[Scene]) -> Iterator[Scene]:
+    """Yield the drives of a log, without truth; one that is known already is refused."""
+    from gaia_uwb.api import load_scenes
+    from gaia_uwb.locate import same_drive
+
+    for scene in load_scenes(log):
+        twin = next((each for each in known if same_drive(each, scene)), None)
+        if twin is not None:
+            raise InputError(f"is the same drive as {twin.name}", source=scene.name)
+        yield scene.without_truth()
 
 
 def _digest(zone: ZoneLogs, config: PipelineConfig) -> str:
@@ -335,11 +348,11 @@ def _files(place: Path, log: str) -> list[tuple[str, int, int]]:
     """
     files = []
     with suppress(OSError):  # what cannot be looked at cannot be read later either
-        inside = list(islice(place.rglob("*"), _MOST_FILES + 1)) if place.is_dir() else [place]
-        if len(inside) > _MOST_FILES:
+        inside = paths_below(place, most=_MOST_FILES) if place.is_dir() else [place]
+        if inside is None:
             problem = f"contains more than {_MOST_FILES:,} files: name the folder of one log"
             raise InputError(problem, source=log)
-        for each in sorted(inside):
+        for each in inside:
             if each.is_file():
                 about = each.stat()
                 files.append((str(each), about.st_size, about.st_mtime_ns))
@@ -347,7 +360,7 @@ def _files(place: Path, log: str) -> list[tuple[str, int, int]]:
 
 
 def write_tables(results: Sequence[ZoneResult], out: Path) -> list[Path]:
-    """Write ``zones.csv`` and ``failures.csv``, sorted by zone, and return their paths.
+    """Write ``zones.csv`` and the failures, sorted by zone, and return the paths.
 
     Parameters
     ----------
@@ -360,16 +373,8 @@ def write_tables(results: Sequence[ZoneResult], out: Path) -> list[Path]:
     ordered = sorted(results, key=lambda result: result.zone)
     columns = ["zone", "status", "n_passes", "n_anchors", "n_located", "area_m2"]
     rows = [[getattr(result, column) for column in columns] for result in ordered]
-    failed = [[f.zone, f.log, f.problem] for result in ordered for f in result.failures]
+    failures = [failure for result in ordered for failure in result.failures]
     return [
-        folder.write(TABLES[0], _table(columns, rows)),
-        folder.write(TABLES[1], _table(["zone", "log", "problem"], failed)),
+        folder.write(ZONES, csv_text(columns, rows)),
+        *write_failures(failures, folder),
     ]
-
-
-def _table(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
-    return out.getvalue()
