@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gaia_uwb._shared import ConfigError, InputError
+from gaia_uwb._shared import Cell, ConfigError, InputError, csv_text
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.evaluate.metrics import Metric, aggregate, score_episode
@@ -199,14 +199,11 @@ def results_json(
 
 def episodes_csv(scores: Sequence[Scores], test: TestSet) -> str:
     """Return every episode's scores as CSV: method, episode, run, metric, value, unit, n."""
-    import csv
-    import io
-
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["method", "episode", "run", "metric", "value", "unit", "n"])
-    for one in scores:
-        for episode, run, metrics in zip(test.episodes, test.groups, one.per_episode, strict=True):
-            for m in metrics.values():
-                writer.writerow([one.method, episode.name, run, m.name, repr(m.value), m.unit, m.n])
-    return out.getvalue()
+    header = ["method", "episode", "run", "metric", "value", "unit", "n"]
+    rows: Iterator[list[Cell]] = (
+        [one.method, episode.name, run, m.name, m.value, m.unit, m.n]
+        for one in scores
+        for episode, run, metrics in zip(test.episodes, test.groups, one.per_episode, strict=True)
+        for m in metrics.values()
+    )
+    return csv_text(header, rows)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64
+from gaia_uwb._shared import Array, Cell, Float64, csv_text
 from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix
@@ -25,7 +26,7 @@ def other_place(anchor: AnchorFix) -> tuple[Float64[Array, "2"], Float64[Array, 
     return np.full(2, np.nan), np.full((2, 2), np.nan)
 
 
-def cones_csv(reconstruction: Reconstruction) -> bytes:
+def cones_csv(reconstruction: Reconstruction) -> str:
     """Return one row per anchor as CSV: position, uncertainty, status.
 
     Parameters
@@ -33,8 +34,6 @@ def cones_csv(reconstruction: Reconstruction) -> bytes:
     reconstruction
         What to write.
     """
-    import polars as pl
-
     anchors = reconstruction.anchors
     position_m = np.array([anchor.position_m for anchor in anchors])
     covariance_m2 = np.array([anchor.covariance_m2 for anchor in anchors])
@@ -42,31 +41,27 @@ def cones_csv(reconstruction: Reconstruction) -> bytes:
     mirror_m = np.array([place_m for place_m, _ in mirrors])
     mirror_m2 = np.array([covariance for _, covariance in mirrors])
     places = lon_lat(reconstruction.episode.frame, position_m).round(9)
-    table = pl.DataFrame(
-        {
-            "anchor_id": [anchor.anchor_id for anchor in anchors],
-            "status": [anchor.status.value for anchor in anchors],
-            "east_m": position_m[:, 0],
-            "north_m": position_m[:, 1],
-            "lon": places[:, 0],
-            "lat": places[:, 1],
-            "covariance_ee_m2": covariance_m2[:, 0, 0],
-            "covariance_en_m2": covariance_m2[:, 0, 1],
-            "covariance_nn_m2": covariance_m2[:, 1, 1],
-            "mirror_probability": [float(anchor.mirror_probability) for anchor in anchors],
-            "side_is_open": [anchor.side_is_open for anchor in anchors],
-            "mirror_east_m": mirror_m[:, 0],
-            "mirror_north_m": mirror_m[:, 1],
-            "mirror_covariance_ee_m2": mirror_m2[:, 0, 0],
-            "mirror_covariance_en_m2": mirror_m2[:, 0, 1],
-            "mirror_covariance_nn_m2": mirror_m2[:, 1, 1],
-            "n_ranges": [anchor.n_ranges for anchor in anchors],
-            "range_bias_m": [float(anchor.range_bias_m) for anchor in anchors],
-        }
-    )
-    content = io.BytesIO()
-    table.with_columns(pl.col(pl.Float64).fill_nan(None)).write_csv(content)
-    return content.getvalue()
+    columns: dict[str, Sequence[Cell]] = {
+        "anchor_id": [anchor.anchor_id for anchor in anchors],
+        "status": [anchor.status.value for anchor in anchors],
+        "east_m": position_m[:, 0].tolist(),
+        "north_m": position_m[:, 1].tolist(),
+        "lon": places[:, 0].tolist(),
+        "lat": places[:, 1].tolist(),
+        "covariance_ee_m2": covariance_m2[:, 0, 0].tolist(),
+        "covariance_en_m2": covariance_m2[:, 0, 1].tolist(),
+        "covariance_nn_m2": covariance_m2[:, 1, 1].tolist(),
+        "mirror_probability": [float(anchor.mirror_probability) for anchor in anchors],
+        "side_is_open": [anchor.side_is_open for anchor in anchors],
+        "mirror_east_m": mirror_m[:, 0].tolist(),
+        "mirror_north_m": mirror_m[:, 1].tolist(),
+        "mirror_covariance_ee_m2": mirror_m2[:, 0, 0].tolist(),
+        "mirror_covariance_en_m2": mirror_m2[:, 0, 1].tolist(),
+        "mirror_covariance_nn_m2": mirror_m2[:, 1, 1].tolist(),
+        "n_ranges": [anchor.n_ranges for anchor in anchors],
+        "range_bias_m": [float(anchor.range_bias_m) for anchor in anchors],
+    }
+    return csv_text(list(columns), zip(*columns.values(), strict=True))
 
 
 def clean_ranges_parquet(reconstruction: Reconstruction) -> bytes:

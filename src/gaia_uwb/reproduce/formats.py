@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from gaia_uwb._shared import csv_text
 from gaia_uwb.reproduce.paper import METRICS, NAMES
 from gaia_uwb.reproduce.plan import Plan
 
@@ -206,13 +205,12 @@ def results_csv(tables: Mapping[str, Mapping[str, Any]]) -> str:
     tables
         By name.
     """
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["table", "method", "minus", "split", "metric", "value", "low", "high", "n"])
+    header = ["table", "method", "minus", "split", "metric", "value", "low", "high", "n"]
+    lines = []
     for name, table in tables.items():
         for row in [*table["rows"], *table.get("differences", [])]:
             for metric, found in row["metrics"].items():
-                low, high = found["ci95"] or ("", "")
+                low, high = found["ci95"] or (None, None)
                 which = (name, row["method"], row.get("minus", ""), row["split"], metric)
-                writer.writerow([*which, repr(found["value"]), low, high, found["n"]])
-    return out.getvalue()
+                lines.append([*which, found["value"], low, high, found["n"]])
+    return csv_text(header, lines)

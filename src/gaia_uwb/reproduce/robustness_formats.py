@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from gaia_uwb._shared import csv_text
 from gaia_uwb.reproduce.formats import cell, markdown_table
 from gaia_uwb.reproduce.paper import TABLE_4
 
@@ -117,12 +116,11 @@ def robustness_csv(results: Mapping[str, Any]) -> str:
     results
         Of table 4.
     """
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["stressor", "setting", "method", "metric", "value", "low", "high", "n"])
+    header = ["stressor", "setting", "method", "metric", "value", "low", "high", "n"]
+    lines = []
     for row in results["rows"]:
         for name, metric in row["metrics"].items():
-            low, high = metric["ci95"] or ("", "")
+            low, high = metric["ci95"] or (None, None)
             which = (row["stressor"], row["setting"], row["method"], name)
-            writer.writerow([*which, repr(metric["value"]), low, high, metric["n"]])
-    return out.getvalue()
+            lines.append([*which, metric["value"], low, high, metric["n"]])
+    return csv_text(header, lines)

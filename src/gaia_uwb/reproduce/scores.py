@@ -6,14 +6,13 @@ difference each episode counts once, with the mean over the models.
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
+from gaia_uwb._shared import Cell, csv_text
 from gaia_uwb.episode import Episode
 from gaia_uwb.evaluate import Metric, aggregate, paired_difference, score_episode
 from gaia_uwb.reproduce.paper import METRICS
@@ -241,15 +240,12 @@ def episodes_csv(tables: Sequence[tuple[str, Table]]) -> str:
     tables
         Each with a name for its first column.
     """
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["table", "method", "split", "model", "episode", "run", "metric", "value"])
+    header = ["table", "method", "split", "model", "episode", "run", "metric", "value"]
+    lines: list[list[Cell]] = []
     for name, table in tables:
         for row in table.rows:
             for model, scores in enumerate(row.scores):
                 for episode, run, own in zip(table.episodes, table.groups, scores, strict=True):
                     start = (name, row.method, row.split, model, episode.name, run)
-                    for metric in METRICS:
-                        if metric in own:
-                            writer.writerow([*start, metric, repr(own[metric].value)])
-    return out.getvalue()
+                    lines += [[*start, m, own[m].value] for m in METRICS if m in own]
+    return csv_text(header, lines)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, astuple
 from typing import Any
 
-from gaia_uwb._shared import OutputFolder, figure_files
+from gaia_uwb._shared import OutputFolder, csv_text, figure_files
 from gaia_uwb.reproduce.formats import QUICK_MARK, marked
 from gaia_uwb.reproduce.plan import Plan
 from gaia_uwb.reproduce.plots import plot_autocorrelation, plot_quantiles
@@ -179,18 +177,17 @@ def table_csv(rows: Sequence[Row]) -> str:
     rows
         Of the check.
     """
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
     columns = ErrorSummary.columns()
     ends = [f"{name}_{end}" for name in columns for end in ("low", "high")]
-    writer.writerow(["view", "sight", "method", *columns, "wasserstein_m", "n", *ends])
+    lines = []
     for row in rows:
-        intervals = [row.intervals[name] or ("", "") for name in columns]
-        writer.writerow(
+        intervals = [row.intervals[name] or (None, None) for name in columns]
+        lines.append(
             [row.view.name, row.sight, row.method, *astuple(row.summary), row.wasserstein_m, row.n]
             + [end for interval in intervals for end in interval]
         )
-    return out.getvalue()
+    header = ["view", "sight", "method", *columns, "wasserstein_m", "n", *ends]
+    return csv_text(header, lines)
 
 
 def table_latex(rows: Sequence[Row]) -> str:
