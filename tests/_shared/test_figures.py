@@ -46,3 +46,13 @@ def test_a_legend_of_all_methods_stays_on_the_page() -> None:
     assert page.x0 <= box.x0 and box.x1 <= page.x1
     assert page.y0 <= box.y0 and box.y1 <= page.y1
     assert box.y0 >= axes.get_window_extent().y1  # above, not on top of what is drawn
+
+
+def test_settings_of_the_user_do_not_count() -> None:
+    from matplotlib import rc_context
+
+    before = figure_files(draw())
+    with rc_context(
+        {"text.usetex": True, "font.size": 40, "savefig.bbox": "tight", "axes.facecolor": "red"}
+    ):
+        assert figure_files(draw()) == before

@@ -233,3 +233,15 @@ def test_svg_is_the_same_picture_again_and_whole() -> None:
     assert "script" not in tags
     assert "image" in tags  # the dots
     assert len(first) < 400_000
+
+
+def test_settings_of_the_user_do_not_count() -> None:
+    from matplotlib import rc_context
+
+    def drawn() -> tuple[bytes, str]:
+        figure = plot_reconstruction(make_reconstruction())
+        return figure_png(figure), figure_svg(figure)
+
+    before = drawn()
+    with rc_context({"text.usetex": True, "font.size": 40, "savefig.facecolor": "red"}):
+        assert drawn() == before

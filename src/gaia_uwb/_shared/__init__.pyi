@@ -30,6 +30,7 @@ from .figures import (
     legend_above as legend_above,
     look as look,
     new_figure as new_figure,
+    plain_style as plain_style,
 )
 from .files import (
     OutputFolder as OutputFolder,
@@ -48,6 +49,7 @@ from .problems import (
     problem_of as problem_of,
 )
 from .reading import (
+    name_of as name_of,
     open_regular as open_regular,
     paths_below as paths_below,
     read_regular as read_regular,

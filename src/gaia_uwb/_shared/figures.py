@@ -3,7 +3,8 @@
 Sizes are those of a page of two columns: text of 8 points stays 8 points. Methods differ in colour
 (Okabe and Ito's palette, for all kinds of colour vision), in their marks and in their dashes, so
 that they can be told apart in grey. Fonts are embedded as TrueType. matplotlib is loaded when a
-picture is made, and without ``pyplot``, so there is no global state.
+picture is made, and without ``pyplot``, so there is no global state. What a user's ``matplotlibrc``
+says, such as to set all text in LaTeX, does not count: pictures are the same everywhere.
 """
 
 from __future__ import annotations
@@ -15,10 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-from typing import TYPE_CHECKING
+from gaia_uwb._shared.errors import ConfigError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,11 +90,24 @@ def look(method: str) -> Look:
 
 
 @contextmanager
+def plain_style() -> Iterator[None]:
+    """Draw figures inside this block, or function, with matplotlib's own settings."""
+    try:
+        import matplotlib as mpl
+    except (ImportError, ValueError, OSError) as error:  # also a damaged matplotlibrc
+        raise ConfigError(f"matplotlib cannot be loaded: {error}") from error
+
+    ours = {k: v for k, v in mpl.rcParamsDefault.items() if not k.startswith("backend")}
+    with mpl.rc_context(ours):  # type: ignore[arg-type]  # its keys are literals
+        yield
+
+
+@contextmanager
 def house_style() -> Iterator[None]:
     """Draw figures inside this block in the house style."""
     from matplotlib import rc_context
 
-    with rc_context(STYLE):  # type: ignore[arg-type]  # its keys are literals
+    with plain_style(), rc_context(STYLE):  # type: ignore[arg-type]  # its keys are literals
         yield
 
 
@@ -164,7 +175,7 @@ def figure_png(figure: Figure) -> bytes:
         What :func:`plot_reconstruction` returned.
     """
     buffer = io.BytesIO()
-    with warnings.catch_warnings():
+    with plain_style(), warnings.catch_warnings():
         # A name may hold letters that the font lacks; a box in their place is no news to a user.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         # Little compression: the encoder takes half the time for a file a fifth larger.
@@ -183,7 +194,11 @@ def figure_svg(figure: Figure) -> str:
     import matplotlib as mpl
 
     buffer = io.StringIO()
-    with warnings.catch_warnings(), mpl.rc_context({"svg.hashsalt": "gaia"}):
+    with (
+        plain_style(),
+        warnings.catch_warnings(),
+        mpl.rc_context({"svg.hashsalt": "gaia"}),
+    ):
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         figure.savefig(buffer, format="svg", dpi=1.5 * SCREEN_DPI, metadata={"Date": None})
     return buffer.getvalue()

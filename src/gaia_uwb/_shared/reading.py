@@ -70,6 +70,22 @@ def read_regular(path: Path, *, most_bytes: int) -> bytes:
     return content
 
 
+def name_of(path: Path) -> str:
+    r"""Return a file's or folder's name as text that every format can hold.
+
+    Parameters
+    ----------
+    path
+        It need not exist. Bytes of its name that are not UTF-8 are written out.
+
+    Examples
+    --------
+    >>> name_of(Path(os.fsdecode(b"logs/a\xff")))
+    'a\\xff'
+    """
+    return os.fsencode(path.resolve().name).decode("utf-8", "backslashreplace")
+
+
 def paths_below(folder: Path, *, most: int) -> list[Path] | None:
     """Return everything below a folder, sorted; None where that is more than allowed.
 

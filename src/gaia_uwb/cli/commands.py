@@ -5,6 +5,7 @@ Heavy modules are imported inside the commands, so that ``gaia --help`` is quick
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated
 
@@ -61,6 +62,9 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
+    # We draw with our own settings; a damaged file of the user's must not even be read.
+    os.environ["MATPLOTLIBRC"] = os.devnull
+    os.environ.pop("MPLBACKEND", None)
     running = RunningCommand()
     try:
         code = app(standalone_mode=False, obj=running)

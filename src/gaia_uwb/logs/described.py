@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gaia_uwb._shared import InputError
+from gaia_uwb._shared import InputError, name_of
 from gaia_uwb.logs import _plausible
 from gaia_uwb.logs._lever_arm import LeverArm, move_to_tag
 from gaia_uwb.logs._logs import LogTable, join
@@ -76,10 +76,10 @@ def read_described(path: Path) -> tuple[Scene, tuple[str, ...]]:
     """
     if path.is_dir() and (path / FILE_NAME).is_file():
         return _Reader(path, read_description(path / FILE_NAME)).scene()
-    name = path.resolve().name.removesuffix(".active")
-    ros = {"file": path.resolve().name, "format": "ros"}
+    ros = {"file": name_of(path), "format": "ros"}
+    name = Path(name_of(path).removesuffix(".active")).stem
     description = InputDescription.model_validate(
-        {"name": Path(name).stem, "trajectory": ros, "ranges": [ros]}
+        {"name": name, "trajectory": ros, "ranges": [ros]}
     )
     return _Reader(path.resolve().parent, description, shown=path).scene()
 
@@ -139,7 +139,7 @@ class _Reader:
         anchors = read_anchors(table, frame, ranges.labels["anchor_id"])
         order = ranges["t_s"].argsort(kind="stable")
         scene = Scene(
-            name=given.name if given.name is not None else self._folder.resolve().name,
+            name=given.name if given.name is not None else name_of(self._folder),
             trajectory=Trajectory(t_s=drive["t_s"], position_m=places.position_m, up_m=places.up_m),
             ranges=range_log(ranges, order, anchors.ids),
             anchor_ids=anchors.ids,

@@ -42,6 +42,7 @@ from gaia_uwb._shared import (
     InputError,
     OutputFolder,
     SourceError,
+    name_of,
     read_yaml,
     replace_file,
     temporary_path,
@@ -142,7 +143,7 @@ def read_with_notes(folder: Path) -> tuple[Scene, tuple[str, ...]]:
     anchors = read_anchors(_find(folder, "anchors"), frame, ranges.labels["anchor_id"])
     order = np.argsort(ranges["t_s"], kind="stable")
     scene = Scene(
-        name=folder.resolve().name if content.name is None else content.name,
+        name=name_of(folder) if content.name is None else content.name,
         trajectory=Trajectory(t_s=drive["t_s"], position_m=places.position_m, up_m=places.up_m),
         ranges=range_log(ranges, order, anchors.ids),
         anchor_ids=anchors.ids,

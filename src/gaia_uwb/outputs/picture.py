@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gaia_uwb._shared import CHI_SQUARE_90, SCREEN_DPI, Array, Float64, printable
+from gaia_uwb._shared import CHI_SQUARE_90, SCREEN_DPI, Array, Float64, plain_style, printable
 from gaia_uwb.estimate import BoundaryStatus
 from gaia_uwb.locate import end_to_end, starts_s
 from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
@@ -34,6 +34,7 @@ _MOST_NAMES = 12
 _NAME_POINTS = 8.5  # font size of the cones' names
 
 
+@plain_style()
 def plot_reconstruction(
     reconstruction: Reconstruction, truth_m: Float64[Array, "N 2"] | None = None
 ) -> Figure:
