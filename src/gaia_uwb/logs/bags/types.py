@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from gaia_uwb._shared import ConfigError, InputError
+from gaia_uwb._shared import ConfigError, InputError, paths_below, read_regular
 from gaia_uwb.logs._logs import check_file
 from gaia_uwb.logs.bags.container import Channel
 
@@ -22,6 +22,7 @@ _MAX_TYPES = 500
 _MAX_FIELDS = 5000
 _MAX_ARRAY = 1000  # of texts and messages: rosbags writes a line of code for each
 _MAX_FILES = 2000
+_MAX_PATHS = 20_000  # files and folders among which these are looked for
 
 Reader = Callable[[bytes], Any]
 Fields = Mapping[str, Any]
@@ -212,15 +213,20 @@ def _read_msg_dir(folder: Path) -> dict[str, Any]:
     """Return the types of all ``.msg`` files below a folder."""
     if not folder.is_dir():
         raise InputError("no such folder (msg_dir)", source=folder)
+    paths = paths_below(folder, most=_MAX_PATHS)
+    if paths is None:
+        problem = f"contains more than {_MAX_PATHS:,} files: name the folder of the .msg files"
+        raise InputError(problem, source=folder)
     types: dict[str, Any] = {}
-    for count, path in enumerate(sorted(folder.rglob("*.msg"))):
+    for count, path in enumerate(path for path in paths if path.suffix == ".msg"):
         if count == _MAX_FILES:
             raise InputError(f"contains more than {_MAX_FILES:,} .msg files", source=folder)
         package = path.parent.parent if path.parent.name == "msg" else path.parent
         name = f"{package.resolve().name}/msg/{path.stem}"
         try:
             check_file(path, _MAX_DEFINITION)
-            types |= _parse(path.read_text(encoding="utf-8"), name)
+            content = read_regular(path, most_bytes=_MAX_DEFINITION)
+            types |= _parse(content.decode(), name)
         except InputError:
             raise
         except Exception as error:  # a definition may upset rosbags in any way
