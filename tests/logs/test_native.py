@@ -507,3 +507,19 @@ def test_tables_of_a_spreadsheet_in_europe(tmp_path: Path, separator: str, encod
     assert scene.trajectory.position_m.tolist() == [[0, 0.5], [10.25, 0.5]]
     assert (scene.anchor_ids, scene.ranges.range_m.tolist()) == (("a,1", "b"), [5.25])
     assert sum("between the columns and decimal commas" in note for note in notes) == 2
+
+
+def test_a_counter_is_not_taken_for_the_anchors_id(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gaia_uwb.logs._logs.MAX_ANCHORS", 3)
+    (tmp_path / "trajectory.csv").write_text("t_s,east_m,north_m\n0,1,2\n1,9,2\n", encoding="utf-8")
+    rows = "".join(f"0.5,{k},4\n" for k in range(4))
+    (tmp_path / "ranges.csv").write_text(f"t_s,anchor_id,range_m\n{rows}", encoding="utf-8")
+    told = r"ranges\.csv, column anchor_id: 4 different anchors, but at most 3 are read"
+    with pytest.raises(InputError, match=told):
+        read_native(tmp_path)
+    (tmp_path / "ranges.csv").write_text("t_s,anchor_id,range_m\n0.5,1,4\n", encoding="utf-8")
+    (tmp_path / "anchors.csv").write_text("anchor_id\n1\n2\n3\n4\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"anchors\.csv, column anchor_id: 4 different anchors"):
+        read_native(tmp_path)

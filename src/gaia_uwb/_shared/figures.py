@@ -98,7 +98,7 @@ def plain_style() -> Iterator[None]:
         raise ConfigError(f"matplotlib cannot be loaded: {error}") from error
 
     ours = {k: v for k, v in mpl.rcParamsDefault.items() if not k.startswith("backend")}
-    with mpl.rc_context(ours):  # type: ignore[arg-type]  # its keys are literals
+    with mpl.rc_context(ours):
         yield
 
 

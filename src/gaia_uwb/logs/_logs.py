@@ -228,6 +228,20 @@ def read_lines(path: Path) -> Iterator[tuple[int, str]]:
         raise InputError(f"cannot be read: {error.strerror or error}", source=path) from error
 
 
+def check_number_of_anchors(table: Table) -> None:
+    """Refuse a table with so many ids that another column must have been used as the id.
+
+    Raises
+    ------
+    InputError
+        If there are more than :data:`MAX_ANCHORS`.
+    """
+    n_ids = len(table.labels["anchor_id"])
+    if n_ids > MAX_ANCHORS:
+        problem = f"{n_ids:,} different anchors, but at most {MAX_ANCHORS:,} are read"
+        raise table.error(problem, column="anchor_id")
+
+
 def check_file(path: Path, most_bytes: int) -> None:
     """Refuse what is not a regular file (a pipe would wait for ever), and a file that is too large.
 

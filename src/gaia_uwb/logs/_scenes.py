@@ -11,6 +11,7 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Float64, InputError, Int64, shown
 from gaia_uwb.logs._cells import Kind
+from gaia_uwb.logs._logs import check_number_of_anchors
 from gaia_uwb.logs._placeholders import Drive, no_ranges
 from gaia_uwb.logs._places import place_kinds, to_places
 from gaia_uwb.logs._plausible import check_one_drive, check_seconds
@@ -46,6 +47,7 @@ def read_anchors(path: Path | None, frame: LocalFrame | None, ranged: tuple[str,
     if {"up_m", "alt_m"} <= optional.keys() & set(read_names(path)):
         raise InputError("has both up_m and alt_m: keep one", source=path)
     table = read_table(path, {"anchor_id": Kind.TEXT, **survey}, optional)
+    check_number_of_anchors(table)
     codes, labels = table["anchor_id"], table.labels["anchor_id"]
     listed = tuple(labels[code] for code in codes)
     if len(labels) < len(listed):

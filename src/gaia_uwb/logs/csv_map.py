@@ -21,7 +21,7 @@ from gaia_uwb._shared import Array, InputError
 from gaia_uwb.config import Settings
 from gaia_uwb.logs._cells import Kind
 from gaia_uwb.logs._dates import seconds_of, way_out
-from gaia_uwb.logs._logs import MAX_ANCHORS, LogTable, from_table, join
+from gaia_uwb.logs._logs import MAX_ANCHORS, LogTable, check_number_of_anchors, from_table, join
 from gaia_uwb.logs._selection import Value
 from gaia_uwb.logs._stamps import StampOptions
 from gaia_uwb.logs._table import Table, read_names, read_table
@@ -207,6 +207,8 @@ def read_ranges(
     table = choose_rows(table, where, tags, "this file's entry in gaia.yaml")
     notes = list(table.remarks)
     log = _log_table(table, mapped, stamps, missing)
+    if columns.anchors is None:
+        check_number_of_anchors(log)
     n_gaps = sum(int((~np.isfinite(log[name])).sum()) for name in mapped if _is_range(name))
     log = _without_gaps(log) if columns.anchors is None else _unfold(log, columns.anchors)
     return log, [*notes, gaps_remark(table, n_gaps, missing)] if n_gaps else notes

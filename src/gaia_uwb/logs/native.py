@@ -50,6 +50,7 @@ from gaia_uwb._shared import (
 from gaia_uwb.config import LONGEST_NAME, Settings, settings_problems
 from gaia_uwb.logs import _plausible
 from gaia_uwb.logs._cells import Kind
+from gaia_uwb.logs._logs import check_number_of_anchors
 from gaia_uwb.logs._places import first_place, only_fixes, place_kinds, to_places
 from gaia_uwb.logs._scenes import Anchors, make_truth, range_log, ranges_of_drive, read_anchors
 from gaia_uwb.logs._selection import Missing, Where
@@ -265,6 +266,7 @@ def _read_ranges(path: Path, content: _SceneContent) -> Table:
     choices = {name: Kind.ANYTHING for name in content.where if name not in needed}
     known = {**dict.fromkeys(tags, Kind.ANYTHING), **signal, **_TRUTH}
     table = read_table(path, {**choices, **needed}, known)
+    check_number_of_anchors(table)
     table = choose_rows(table, content.where, tags, "scene.yaml")
     return drop_missing(table, content.missing)
 
