@@ -111,3 +111,32 @@ def test_sources_take_them_all(tmp_path: Path) -> None:
     assert [report.readable for report in reports] == [True, True, True, False]
     assert reports[3].problems == (f"{tmp_path / '4.bag'}: contains no topics",)
     assert not is_described(tmp_path)
+
+
+@pytest.mark.parametrize("header", ["t,d0", "root:x:0:0:root:/root:/bin/sh"])
+@pytest.mark.parametrize("link", [False, True])
+def test_nothing_of_a_file_elsewhere_is_quoted(tmp_path: Path, header: str, link: bool) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text(f"{header}\n1,pass'word\n", encoding="utf-8")
+    folder = tmp_path / "log"
+    folder.mkdir()
+    (folder / "link").symlink_to(secret)
+    file = "link" if link else "../secret"
+    (folder / "gaia.yaml").write_text(
+        f"trajectory: {{file: {file}, format: csv, columns: {{t_s: t, east_m: d0, north_m: d0}}}}\n"
+        "ranges: [{file: r.log, format: dwm1001}]\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(InputError) as caught:
+        read_described(folder)
+    told = str(caught.value)
+    assert file in told
+    assert "root" not in told.replace(str(tmp_path), "")
+    assert "pass" not in told
+    if link or "root" in header:
+        return
+    secret.rename(folder / "own.csv")
+    description = (folder / "gaia.yaml").read_text(encoding="utf-8").replace(file, "own.csv")
+    (folder / "gaia.yaml").write_text(description, encoding="utf-8")
+    with pytest.raises(InputError, match="pass'word"):
+        read_described(folder)

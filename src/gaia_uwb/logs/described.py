@@ -8,6 +8,7 @@ and metres, project, and move to the tag's antenna.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -43,6 +44,7 @@ from gaia_uwb.logs.ros import RosLog
 from gaia_uwb.scene import LocalFrame, Scene, Trajectory
 
 _DATED_S = 10 * DAY_S  # times from which on count from 1970, not from midnight or from a start
+_QUOTED = re.compile("['\"`].*['\"`]", re.DOTALL)
 
 
 def is_described(path: Path) -> bool:
@@ -75,7 +77,10 @@ def read_described(path: Path) -> tuple[Scene, tuple[str, ...]]:
         If ``gaia.yaml`` is wrong, or the extra ``ros`` is not installed.
     """
     if path.is_dir() and (path / FILE_NAME).is_file():
-        return _Reader(path, read_description(path / FILE_NAME)).scene()
+        try:
+            return _Reader(path, read_description(path / FILE_NAME)).scene()
+        except InputError as error:
+            raise _without_quotes(error, named_elsewhere(path)) from error
     ros = {"file": name_of(path), "format": "ros"}
     name = Path(name_of(path).removesuffix(".active")).stem
     description = InputDescription.model_validate(
@@ -102,6 +107,18 @@ def named_elsewhere(folder: Path) -> list[Path]:
     named = [folder / name for name in read_description(folder / FILE_NAME).names()]
     inside = Path(os.path.realpath(folder))
     return [path for path in named if inside not in Path(os.path.realpath(path)).parents]
+
+
+def _without_quotes(error: InputError, elsewhere: list[Path]) -> InputError:
+    """Return an error that quotes nothing of a file outside the log's folder.
+
+    A stranger's description may name any file of the user's, and messages are passed on.
+    """
+    source = str(error.source)
+    if not any(source.startswith(str(path)) for path in elsewhere):
+        return error
+    problem = _QUOTED.sub("'...'", error.problem)
+    return InputError(problem, source=error.source, row=error.row, column=error.column)
 
 
 class _Reader:
