@@ -1,10 +1,14 @@
 from __future__ import annotations
 
+import errno
+import gzip
 import hashlib
+import os
 import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -31,8 +35,10 @@ def mirror(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name, content in FILES.items():
         (folder / name).parent.mkdir(parents=True)
         (folder / name).write_bytes(content)
-    hashes = {name: hashlib.sha256(content).hexdigest() for name, content in FILES.items()}
-    manifest = {"base_url": "http://127.0.0.1:9/nobody-listens", "files": hashes}
+    files = {
+        name: [len(content), hashlib.sha256(content).hexdigest()] for name, content in FILES.items()
+    }
+    manifest = {"base_url": "http://127.0.0.1:9/nobody-listens", "files": files}
     monkeypatch.setattr(module, "read_manifest", lambda name: manifest)
     return folder
 
@@ -82,12 +88,12 @@ def test_goes_on_where_it_was_interrupted(
     asked: list[str] = []
     transfer = module._transfer
 
-    def count(base: str, path: str, partial: Path) -> None:
+    def count(base: str, path: str) -> Iterator[bytes]:
         asked.append(path)
         if len(asked) == 8:
-            partial.write_bytes(b"half a fi")
+            yield b"half"
             raise KeyboardInterrupt
-        transfer(base, path, partial)
+        yield from transfer(base, path)
 
     monkeypatch.setattr(module, "_transfer", count)
     folder = tmp_path / "data" / "outdoor-uwb"
@@ -110,12 +116,12 @@ import sys, time
 from pathlib import Path
 from gaia_uwb.logs import download as module
 
-def wait(base, path, partial):
-    partial.write_bytes(b"half a fi")
+def wait(base, path):
+    yield b"half a fi"
     print("half", flush=True)
     time.sleep(60)
 
-module.read_manifest = lambda name: {"base_url": "", "files": {"Case_3/A 3.csv": "0" * 64}}
+module.read_manifest = lambda name: {"base_url": "", "files": {"Case_3/A 3.csv": [20, "0" * 64]}}
 module._transfer = wait
 module.fetch("outdoor-uwb", Path(sys.argv[1]))
 """
@@ -159,8 +165,8 @@ def test_needs_no_mirror_when_all_is_there(mirror: Path, tmp_path: Path) -> None
 def test_refuses_a_file_that_is_not_the_promised_one(
     server: str, mirror: Path, tmp_path: Path
 ) -> None:
-    (mirror / "Case_3/A 3.csv").write_bytes(b"<html>moved</html>")
-    got = hashlib.sha256(b"<html>moved</html>").hexdigest()
+    (mirror / "Case_3/A 3.csv").write_bytes(b"<p>moved")
+    got = hashlib.sha256(b"<p>moved").hexdigest()
     wanted = hashlib.sha256(FILES["Case_3/A 3.csv"]).hexdigest()
     with pytest.raises(DownloadError, match=f"A 3.csv: expected SHA-256 {wanted}, got {got}"):
         fetch("outdoor-uwb", tmp_path / "data", base_url=server)
@@ -174,6 +180,97 @@ def test_a_file_that_is_not_there(server: str, mirror: Path, tmp_path: Path) -> 
     for base_url in (server, str(mirror)):
         with pytest.raises(DownloadError, match=r"A 3\.csv: cannot be fetched from .*"):
             fetch("outdoor-uwb", tmp_path / "data", base_url=base_url)
+
+
+class HostileHandler(QuietHandler):
+    """Sends what never ends: content, packed content, drops of it, of headers, or of a redirect."""
+
+    way: str
+
+    def do_GET(self) -> None:
+        with suppress(OSError):  # whoever listened has gone
+            if self.way == "headers":
+                self.wfile.write(b"HTTP/1.1 200 OK\r\nX-Slow: ")
+                self._for_ever(b"x", 0.02)
+            self.send_response(302 if self.way == "redirect" else 200)
+            if self.way == "redirect":
+                self.send_header("Location", "/elsewhere")
+            if self.way == "packed":
+                self.send_header("Content-Encoding", "gzip")
+            self.end_headers()
+            if self.way == "packed":
+                self._for_ever(gzip.compress(bytes(2**20)), 0.0)
+            self._for_ever(b"x" * (1 if self.way == "drops" else 2**16), 0.02)
+
+    def _for_ever(self, content: bytes, pause_s: float) -> None:
+        while not self.server.over.wait(pause_s):  # type: ignore[attr-defined]
+            self.wfile.write(content)
+            self.wfile.flush()
+
+
+@pytest.mark.parametrize(
+    ("way", "told"),
+    [
+        ("content", r"expected \d+ bytes, got more from"),
+        ("packed", r"expected \d+ bytes, got more from"),
+        ("drops", r"expected \d+ bytes, got more from"),
+        ("redirect", "30 redirects"),
+        ("headers", "not complete within 0 s; run it again to resume"),
+    ],
+)
+def test_a_mirror_without_end_takes_neither_memory_nor_time(
+    mirror: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str, told: str
+) -> None:
+    if way == "headers":
+        for name in ("_PATIENCE_S", "_GRACE_S"):
+            monkeypatch.setattr(module, name, 0.1)
+    handler = type("Handler", (HostileHandler,), {"way": way})
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as httpd:
+        httpd.over = threading.Event()  # type: ignore[attr-defined]
+        thread = threading.Thread(target=httpd.serve_forever, daemon=True)
+        thread.start()
+        try:
+            with pytest.raises(DownloadError, match=told):
+                fetch(
+                    "outdoor-uwb",
+                    tmp_path / "data",
+                    base_url=f"http://127.0.0.1:{httpd.server_port}",
+                )
+        finally:
+            httpd.over.set()  # type: ignore[attr-defined]
+            httpd.shutdown()
+            thread.join()
+    if way != "headers":
+        assert contents(tmp_path / "data") == {}
+
+
+@pytest.mark.parametrize(
+    "base_url", ["http://[::1", "http://", "http://host:port", "file://[", "http://\udcff/", "\0"]
+)
+def test_an_address_that_is_none(mirror: Path, tmp_path: Path, base_url: str) -> None:
+    with pytest.raises(DownloadError, match="cannot be fetched from") as caught:
+        fetch("outdoor-uwb", tmp_path / "data", base_url=base_url)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_pipe_in_a_mirror_is_not_waited_for(mirror: Path, tmp_path: Path) -> None:
+    (mirror / "Case_3/A 3.csv").unlink()
+    os.mkfifo(mirror / "Case_3/A 3.csv")
+    with pytest.raises(DownloadError, match=r"A 3\.csv: cannot be fetched .*not a regular file"):
+        fetch("outdoor-uwb", tmp_path / "data", base_url=str(mirror))
+
+
+def test_a_full_disk_is_told_of_the_file_that_is_written(
+    mirror: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(base: str, path: str) -> Iterator[bytes]:
+        yield b"t"
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # as if the file had been written
+
+    monkeypatch.setattr(module, "_transfer", full)
+    told = rf"{tmp_path}/data/outdoor-uwb/.*\.csv: cannot be written: No space left on device"
+    with pytest.raises(DownloadError, match=told):
+        fetch("outdoor-uwb", tmp_path / "data", base_url=str(mirror))
 
 
 def test_nobody_listens(mirror: Path, tmp_path: Path) -> None:
@@ -211,7 +308,7 @@ def test_dataset_folder(tmp_path: Path) -> None:
 def test_manifest_names_the_commit_and_all_runs() -> None:
     manifest = read_manifest("outdoor-uwb")
     assert manifest["base_url"].endswith(manifest["commit"])
-    assert all(len(sha256) == 64 for sha256 in manifest["files"].values())
+    assert all(size > 0 and len(sha256) == 64 for size, sha256 in manifest["files"].values())
     assert sum(path.endswith("trajectory.csv") for path in manifest["files"]) == 8
     assert sum(path.startswith("Static") for path in manifest["files"]) == 767
 
