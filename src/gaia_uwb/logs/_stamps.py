@@ -21,10 +21,12 @@ from __future__ import annotations
 import calendar
 import datetime as dt
 import re
+from pathlib import Path
 from typing import Literal
 
 from pydantic import Field
 
+from gaia_uwb._shared import InputError
 from gaia_uwb.config import Settings
 from gaia_uwb.logs._dates import DateOrder
 
@@ -89,8 +91,6 @@ class Stamps:
 
     Attributes
     ----------
-    lacks
-        ``"date"`` or ``"year"`` where stamps lack it and nothing tells it, else ``""``.
     first_day
         The first day, where it was taken from ``near_s``.
     """
@@ -101,7 +101,7 @@ class Stamps:
         self._clock = DayClock()
         self._first_day_s: float | None = None
         self._last_s: float | None = None
-        self.lacks: Literal["", "date", "year"] = ""
+        self._lacks_year = False
         self.first_day: dt.date | None = None
 
     def read(self, text: str) -> float | None:
@@ -128,6 +128,18 @@ class Stamps:
         if year < 100:  # the year stands first
             day, year = year, day
         return self._dated(year, month, day, match["dated"])
+
+    def check(self, path: Path) -> None:
+        """Refuse stamps that have no year where nothing tells it.
+
+        Raises
+        ------
+        InputError
+            If there were any.
+        """
+        if self._lacks_year:
+            problem = "its stamps have no year: set stamps: {date: YYYY-MM-DD}, the first day"
+            raise InputError(problem, source=path)
 
     def iso_s(self, text: str) -> float | None:
         """Return an ISO date and time as seconds since 1970, ``None`` if it is not one."""
@@ -170,7 +182,7 @@ class Stamps:
             return None
         t_s = min(found, key=lambda t_s: abs(t_s - (near_s or 0.0)))
         if near_s is None:
-            self.lacks = "year"
+            self._lacks_year = True
         elif self._last_s is None and self._options.date is None:
             self.first_day = (_EPOCH + dt.timedelta(seconds=t_s + self._offset_s)).date()
         self._last_s = t_s
@@ -190,7 +202,6 @@ class Stamps:
         if self._options.date is not None:
             return day_s(self._options.date) - self._offset_s
         if self._near_s is None:
-            self.lacks = "date"
             return 0.0
         local_s = self._near_s + self._offset_s
         days = round((local_s - of_day_s) / DAY_S)

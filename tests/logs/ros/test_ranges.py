@@ -137,6 +137,36 @@ def test_an_array_whose_place_is_the_id(tmp_path: Path) -> None:
     assert RosLog(path).ranges(fields=fields, missing=[0.0, 12.5])["range_m"][0] == 3.0
 
 
+def test_arrays_of_several_tags_in_one_message(tmp_path: Path) -> None:
+    def fill(log: Log, k: int) -> dict[str, Any]:
+        tag = log.types.types["acme_uwb/msg/Tag"]
+        places = np.zeros(4, np.float32)
+        places[2] = 7.0 + k
+        return {"nodes": [tag(id=n, dis_arr=places + 100 * n) for n in (0, 3)]}
+
+    types = {"acme_uwb/msg/Tag": "uint8 id\nfloat32[4] dis_arr\n"}
+    path = write(tmp_path, "Tag[] nodes\n", fill, **types)
+    with pytest.raises(InputError, match=r"id has several values \('0', '3'\)"):
+        RosLog(path).ranges()
+    table = RosLog(path).ranges(where={"id": 0})
+    assert table["range_m"].tolist()[:2] == [7, 8]
+    assert set(ids(table)) == {"2"}
+
+
+def test_topics_of_one_type_may_be_one_per_anchor(tmp_path: Path) -> None:
+    log = Log(tmp_path, "mcap", {VENDOR: "uint8 id\nfloat32 range\n"})
+    for k in range(3):
+        for name in ("/cone1", "/cone2"):
+            log.add(name, VENDOR, START_S + k, id=7, range=5.0)
+    path = log.close()
+    with pytest.raises(
+        InputError, match=r"2 topics could .* each is one anchor's, fields: \{anchor:"
+    ):
+        RosLog(path).ranges()
+    fields = FieldMap(anchor="(topic)", range="range")
+    assert RosLog(path).ranges(fields=fields).labels["anchor_id"] == ("/cone1", "/cone2")
+
+
 def test_other_arrays_are_read_by_their_place_if_told(tmp_path: Path) -> None:
     text = TAG_FRAME.replace("dis_arr", "distances")
 

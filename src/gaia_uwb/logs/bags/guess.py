@@ -42,22 +42,15 @@ def guess_ranges(types: Fields, msgtype: str) -> FieldMap | None:
     msgtype
         The type.
     """
-    if found := _guess_flat(types, msgtype, None):
-        return found
-    own = dict(types[msgtype][1])
-    for name, (kind, content) in own.items():
-        of_messages = kind in (ARRAY, SEQUENCE) and content[0][0] == MESSAGE
-        if of_messages and (found := _guess_flat(types, content[0][1], name)):
-            return found
-    range_ = _range_array(types, msgtype)
-    ids = [name for name in ids_of(types, msgtype, arrays=True) if end_of_array(name) != "tag"]
-    if range_ and ids:
-        return FieldMap(anchor=ids[0], range=range_)
-    if range_ and plain(range_) == _LINKTRACK_ARRAY and own[range_][0] == ARRAY:
-        return FieldMap(anchor=BY_INDEX, range=range_)
-    if msgtype == "sensor_msgs/msg/Range":
+    found = _guess_flat(types, msgtype, None)
+    for name, (kind, content) in types[msgtype][1]:
+        if found is None and kind in (ARRAY, SEQUENCE) and content[0][0] == MESSAGE:
+            found = _guess_flat(types, content[0][1], name)
+            found = found or _guess_places(types, content[0][1], name)
+    found = found or _guess_arrays(types, msgtype) or _guess_places(types, msgtype, None)
+    if found is None and msgtype == "sensor_msgs/msg/Range":
         return FieldMap(anchor="header.frame_id", range="range")
-    return None
+    return found
 
 
 def hint_ranges(types: Fields, msgtype: str) -> str:
@@ -116,6 +109,22 @@ def _of(types: Fields, msgtype: str, bases: frozenset[str]) -> list[str]:
     """Return a type's single fields of some basic types."""
     fields = types[msgtype][1]
     return [name for name, (kind, base) in fields if kind == SINGLE and base[0] in bases]
+
+
+def _guess_arrays(types: Fields, msgtype: str) -> FieldMap | None:
+    """Look for arrays of ids and of ranges beside each other."""
+    range_ = _range_array(types, msgtype)
+    ids = [name for name in ids_of(types, msgtype, arrays=True) if end_of_array(name) != "tag"]
+    return FieldMap(anchor=ids[0], range=range_) if range_ and ids else None
+
+
+def _guess_places(types: Fields, msgtype: str, each: str | None) -> FieldMap | None:
+    """Look for an array of ranges whose name says that the place in it is the anchor's id."""
+    name = _range_array(types, msgtype)
+    if name is None or plain(name) != _LINKTRACK_ARRAY:
+        return None
+    fixed = dict(types[msgtype][1])[name][0] == ARRAY
+    return FieldMap(each=each, anchor=BY_INDEX, range=name) if fixed else None
 
 
 def _range_array(types: Fields, msgtype: str) -> str | None:

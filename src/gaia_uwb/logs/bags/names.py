@@ -18,15 +18,17 @@ End = Literal["anchor", "tag", "either"]
 _ANCHOR = ("anchor", "beacon", "cone", "aid")
 _TAG = ("tag", "rover", "mobile", "vehicle", "robot", "tid")
 _EITHER = (
-    *("from", "to", "source", "src", "destination", "dest", "dst", "sender", "receiver"),
-    *("initiator", "responder", "requester", "remote", "target", "local", "self", "own"),
-    *("peer", "neighbor", "neighbour", "node", "device", "dev", "module", "sensor", "station"),
+    *("from", "to", "src", "destination", "dest", "dst", "sender", "receiver"),
+    *("initiator", "responder", "requester", "remote", "peer", "neighbor", "neighbour", "node"),
 )
+_OF_SOMETHING = ("source", "target", "local", "self", "own", "device", "dev", "module", "sensor")
+"""Words that are an id only with a suffix: ``sensor_id``, but not ``sensor``."""
+
 _SUFFIXES = ("id", "", "name", "address", "addr", "mac", "macaddress", "uid", "index", "idx")
 _GENERIC = ("id", "address", "addr", "mac", "macaddress", "uid")
 _END = re.compile(
-    rf"(?:(?P<anchor>{'|'.join(_ANCHOR)})|(?P<tag>{'|'.join(_TAG)})|(?P<either>{'|'.join(_EITHER)}))"
-    rf"(?P<suffix>{'|'.join(_SUFFIXES)})"
+    rf"(?:(?P<anchor>{'|'.join(_ANCHOR)})|(?P<tag>{'|'.join(_TAG)})|{'|'.join(_EITHER)}"
+    rf"|(?:{'|'.join(_OF_SOMETHING)})(?=.))(?P<suffix>{'|'.join(_SUFFIXES)})"
 )
 
 RANGES = ("range", "distance", "dist", "dis", "slantrange", "measureddistance", "measuredrange")
@@ -64,7 +66,7 @@ def end_of(name: str) -> End | None:
 
     Examples
     --------
-    >>> end_of("anchorId"), end_of("tag_id"), end_of("from_id"), end_of("mac"), end_of("seq")
+    >>> end_of("anchorId"), end_of("tag_id"), end_of("from_id"), end_of("mac"), end_of("source")
     ('anchor', 'tag', 'either', 'either', None)
     """
     word = plain(name)

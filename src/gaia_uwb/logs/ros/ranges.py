@@ -94,7 +94,8 @@ def _choose(log: Topics, wish: Wish) -> list[str]:
     if wish.fields is not None and wish.fields.anchor == BY_TOPIC and one_type:
         return sorted({t.channel.topic for t in candidates})
     hint = "; ".join(list(hints.values())[:3]) or "set topic and fields"
-    return [log.choose(candidates, "ranges", hint=f"{hint} {HOW}")]
+    several = "if each is one anchor's, fields: {anchor: (topic), range: ...}" if one_type else ""
+    return [log.choose(candidates, "ranges", hint=f"{hint} {HOW}", several=several)]
 
 
 class _Ranges:

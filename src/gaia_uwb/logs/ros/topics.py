@@ -81,7 +81,9 @@ class Topics:
         some = list(candidates)
         return [t for t in some if t.bag.counts.get(t.channel.key, 1)] or some
 
-    def choose(self, candidates: Iterable[Topic], what: str, *, hint: str = "") -> str:
+    def choose(
+        self, candidates: Iterable[Topic], what: str, *, hint: str = "", several: str = ""
+    ) -> str:
         """Return the only candidate's name.
 
         Parameters
@@ -90,8 +92,8 @@ class Topics:
             Channels that fit.
         what
             What they would be.
-        hint
-            What to do if there is none.
+        hint, several
+            What to do if there is none, and what else may be done if there are several.
 
         Raises
         ------
@@ -105,6 +107,7 @@ class Topics:
         if names:
             problem = f"{len(names)} topics could be the {what}: {self._listed_topics(filled)}; "
             problem += f"choose one with topic {HOW}"
+            problem += f"; {several}" if several else ""
         else:
             problem = f"no topic looks like the {what}; available: {self._listed_topics(self.all)}"
             problem += f"; {hint}" if hint else ""

@@ -96,9 +96,7 @@ def read_serial(  # each is a key of gaia.yaml
         raise _no_ranges(path, kind, count)
     if len(count.tags) > 1:
         raise InputError(_several_tags(kind, count), source=path)
-    if log.stamps.lacks == "year":
-        problem = "its stamps have no year: set stamps: {date: YYYY-MM-DD}, the first day"
-        raise InputError(problem, source=path)
+    log.stamps.check(path)
     notes = [f"{path.name}: {kind.name}, {log.taken}", *_notes(path, count, log.stamps)]
     table = rows.table()
     if np.isnan(table["rssi_dbm"]).all():

@@ -118,13 +118,15 @@ def read_nmea(
         If the file cannot be read or contains no sentence with a fix.
     """
     count = _Count()
-    reader = _Reader(path, count, Stamps(options), host=clock == "host", checksums=checksums)
+    stamps = Stamps(options)
+    reader = _Reader(path, count, stamps, host=clock == "host", checksums=checksums)
     for number, line in read_lines(path):
         reader.read(number, line)
         if number >= _GIVE_UP_LINES and not len(reader.rows) and not len(reader.bare_rows):
             break
     rows = reader.rows if len(reader.rows) else reader.bare_rows
     _need_rows(rows, count)
+    stamps.check(path)
     notes = _skipped(path, count)
     if rows is reader.bare_rows:
         notes.append(f"{path.name}: no GGA or GNS sentences with a fix: positions from RMC")
