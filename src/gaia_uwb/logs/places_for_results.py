@@ -97,7 +97,6 @@ def _folders_read(source: str | Path, data_dir: Path | None) -> Iterator[Path]:
             yield path.parent
         if not path.is_dir():
             return
-        yield path
         for log in (path, *(each for each in visible(path) if each.is_dir() and log_files(each))):
             yield log
             with suppress(GaiaError):  # told when the log is read
