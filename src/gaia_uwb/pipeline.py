@@ -287,7 +287,8 @@ def _log_reasons(episode: Episode, config: PipelineConfig) -> Iterator[Reason]:
         )
     if found is None:
         return
-    if found.sigma_m > _MISFIT_M:
+    explained = any(problem.kind is ReasonKind.MISFIT for problem in episode.problems)
+    if found.sigma_m > _MISFIT_M and not explained:
         half_m = 0.67 * found.sigma_m
         text = (
             f"the ranges do not fit the path: half of them are off by more than {half_m:.1f} m; "

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gaia_uwb.alignment import align, contradicted_anchors, contradicting
+from gaia_uwb.alignment import align, contradicting
+from gaia_uwb.alignment.contradictions import contradicted_anchors
 from gaia_uwb.estimate import ReasonKind
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
 

@@ -7,6 +7,7 @@ and one tag: two radios answer with one id, two tags share a log, or the clocks 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -45,7 +46,9 @@ def contradicted_anchors(
     ends = np.cumsum(np.bincount(scene.ranges.anchor, minlength=scene.n_anchors))
     own = np.split(order, ends[:-1])
     every = len(scene.ranges) // _MOST_FITTED + 1
-    for readings in gather_readings(scene, every=every):
+    for block in gather_readings(scene, every=every):
+        positive_m = np.where(block.range_m > 0.0, block.range_m, np.nan)
+        readings = replace(block, range_m=positive_m)
         residual_m = np.abs(fit_anchors(scene, readings, offset_s, max_gap_s).residual_m)
         for row, n in enumerate(readings.anchors):
             off_m = residual_m[row, np.isfinite(residual_m[row])]
@@ -58,11 +61,15 @@ def contradicted_anchors(
         share, half_m = (max(column) for column in zip(*bad.values(), strict=True))
         more = f" and {len(bad) - _NAMED} more" if len(bad) > _NAMED else ""
         up_to = "up to " if len(bad) > 1 else ""
+        signs = []
+        if share > 0.5:
+            signs.append(f"{up_to}{percent(share)} of them contradict those around them")
+        if half_m > _HALF_BEYOND_M:
+            signs.append(f"half are off by {up_to}{metres(half_m)} or more")
         text = (
             f"{', '.join(list(bad)[:_NAMED])}{more}: the readings do not come from one place: "
-            f"{up_to}{percent(share)} of them contradict those around them, and half are off by "
-            f"{up_to}{metres(half_m)} or more; so it looks where two radios have one id, two tags "
-            "share a log, or a unit or a clock is wrong"
+            f"{' and '.join(signs)}; so it looks where two radios have one id, two tags share a "
+            "log, or a unit or a clock is wrong"
         )
         numbers = {"share": share, "half_beyond_m": half_m}
         yield Reason(ReasonKind.LOG, text, cones=tuple(bad), numbers=numbers)

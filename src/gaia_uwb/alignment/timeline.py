@@ -18,7 +18,7 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, InputError, Int64
 from gaia_uwb.alignment.clock import estimate_clock_offset
-from gaia_uwb.alignment.contradictions import contradicted_anchors
+from gaia_uwb.alignment.implausible import log_problems
 from gaia_uwb.alignment.readings import (
     ROUNDING_S,
     Fit,
@@ -32,7 +32,6 @@ from gaia_uwb.alignment.readings import (
 from gaia_uwb.alignment.spikes import gate_spikes
 from gaia_uwb.config import AlignmentConfig
 from gaia_uwb.episode import ClockOffset, Episode, EpisodeTruth
-from gaia_uwb.estimate import Reason, ReasonKind
 from gaia_uwb.scene import Scene
 
 _LEAST_SPAN_M = 1.0  # a path that spans less tells how far anchors are, but not where
@@ -99,10 +98,7 @@ def align(scene: Scene, config: AlignmentConfig = AlignmentConfig()) -> Episode:
         clock=clock,
         truth=_truth(scene, steps, clock),
         notes=scene.notes,
-        problems=(
-            *(Reason(ReasonKind.LOG, problem) for problem in scene.problems),
-            *contradicted_anchors(scene, clock.applied_s, max_gap_s=config.max_pose_gap_s),
-        ),
+        problems=tuple(log_problems(scene, clock.applied_s, max_gap_s=config.max_pose_gap_s)),
     )
 
 

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from gaia_uwb._shared import Array, Bool, in_a_line, problem_of
-from gaia_uwb.alignment import contradicting
+from gaia_uwb.alignment import contradicting, log_problems
+from gaia_uwb.config import PipelineConfig
 from gaia_uwb.evaluate.observability import Observability, observe
 from gaia_uwb.scene import Scene, Trajectory
 
@@ -219,9 +220,18 @@ def check_scene(scene: Scene) -> CheckReport:
         drive=drive,
         anchors=anchors,
         observability=found,
-        problems=(*scene.problems, *_problems(drive, anchors), *problems),
+        problems=(*_problems(drive, anchors), *_spoilt(scene, found), *problems),
         notes=(*scene.notes, *_notes(scene, drive, anchors), *more),
     )
+
+
+def _spoilt(scene: Scene, found: Observability | None) -> Iterator[str]:
+    """Yield what makes every result unreliable, as a reconstruction says it too."""
+    if found is None:
+        yield from scene.problems
+    else:
+        gap_s = PipelineConfig().alignment.max_pose_gap_s
+        yield from map(str, log_problems(scene, found.clock.applied_s, max_gap_s=gap_s))
 
 
 def _check_drive(drive: Trajectory) -> DriveCheck:

@@ -1,0 +1,130 @@
+"""What spoils every result of a log, before anything is reconstructed: heights, jumps, mixtures.
+
+None of it needs the truth. ``gaia data check`` prints it, and a reconstruction takes it as a reason
+to be unreliable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gaia_uwb._shared import Array, Float64, counted, metres
+from gaia_uwb.alignment.causes import biased_anchors, likely_cause
+from gaia_uwb.alignment.contradictions import contradicted_anchors
+from gaia_uwb.estimate import Reason, ReasonKind
+from gaia_uwb.scene import Scene, Trajectory
+
+_HIGHEST_GAP_M = 30.0  # cones stand on the road that the vehicle drives on
+_SLACK_M = 1.0
+_FEWEST_READINGS = 8
+_STEEPEST, _LEAST_CLIMB_M = 0.25, 5.0  # the steepest streets rise by a third of their length
+_JUMP_M, _MOST_MPS2 = 2.0, 10.0  # no vehicle accelerates more
+_NEIGHBOURS = 3  # steps before and after a step that tell how fast the vehicle is
+_PAUSE = 3.0  # usual steps: after a longer one nothing is known of the speed
+_BLOCK = 1 << 16
+
+
+def log_problems(
+    scene: Scene, offset_s: float = 0.0, *, max_gap_s: float = 1.0
+) -> Iterator[Reason]:
+    """Yield what makes every result of a log unreliable.
+
+    Parameters
+    ----------
+    scene
+        The log, of a vehicle that moves; its truth is not used.
+    offset_s
+        A reading stamped t belongs to the trajectory at ``t - offset_s``.
+    max_gap_s
+        Longest gap of the trajectory that is interpolated, in seconds.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from gaia_uwb.simulate import PRESETS, simulate_pass
+    >>> scene = simulate_pass(PRESETS["lane-closure"], seed=0)
+    >>> high = replace(scene, anchor_up_m=np.full(scene.n_anchors, 520.0))
+    >>> print(next(log_problems(high)).text[:50])
+    the anchors lie 518 m above the tag: up_m counts f
+    """
+    for problem in (
+        *scene.problems,
+        *_height_gap(scene),
+        *_climb(scene.trajectory),
+        *_jumps(scene.trajectory),
+    ):
+        yield Reason(ReasonKind.LOG, problem)
+    cause = likely_cause(scene, offset_s, max_gap_s)
+    if cause is not None:
+        yield cause
+    else:
+        yield from contradicted_anchors(scene, offset_s, max_gap_s=max_gap_s)
+        yield from biased_anchors(scene, offset_s, max_gap_s)
+
+
+def _height_gap(scene: Scene) -> Iterator[str]:
+    """Say where heights cannot belong together: no range is shorter than the height gap."""
+    tag_up_m, anchor_up_m = scene.trajectory.up_m, scene.anchor_up_m
+    if tag_up_m is None or anchor_up_m is None or not np.isfinite(anchor_up_m).any():
+        return
+    gap_m = anchor_up_m - float(np.median(tag_up_m))
+    log = scene.ranges
+    impossible = np.zeros(scene.n_anchors, np.bool_)
+    for n in np.flatnonzero(np.abs(gap_m) > _SLACK_M):
+        range_m = log.range_m[log.anchor == n]
+        if len(range_m) >= _FEWEST_READINGS:
+            impossible[n] = abs(gap_m[n]) > np.quantile(range_m, 0.05) + _SLACK_M
+    usual_m = float(np.nanmedian(gap_m))
+    if abs(usual_m) > _HIGHEST_GAP_M or impossible.mean() > 0.5:
+        where = "above" if usual_m > 0 else "below"
+        yield (
+            f"the anchors lie {metres(abs(usual_m))} {where} the tag: up_m counts from the local "
+            "frame's origin, the first position of the trajectory unless a frame is given; heights "
+            "above the ellipsoid are alt_m"
+        )
+
+
+def _climb(drive: Trajectory) -> Iterator[str]:
+    if drive.up_m is None:
+        return
+    low_m, high_m = np.quantile(drive.up_m, [0.02, 0.98])
+    climb_m, length_m = float(high_m - low_m), drive.path_length_m
+    if climb_m > max(_LEAST_CLIMB_M, _STEEPEST * length_m):
+        yield (
+            f"the tag's height changes by {metres(climb_m)} over {metres(length_m)} of path: "
+            "are the heights in another unit than metres?"
+        )
+
+
+def _jumps(drive: Trajectory) -> Iterator[str]:
+    """Say where the path jumps: further than a vehicle gets beyond its speed before and after."""
+    step_s = np.diff(drive.t_s)
+    step_m = np.diff(drive.position_m, axis=0)
+    if len(step_s) < 2 * _NEIGHBOURS + 1:
+        return
+    off_m = np.zeros(len(step_s))
+    velocity_mps = step_m / step_s[:, None]
+    window = np.delete(np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1), _NEIGHBOURS)
+    for start in range(0, len(step_s), _BLOCK):
+        rows = np.arange(start, min(start + _BLOCK, len(step_s)))
+        near = np.clip(rows[:, None] + window, 0, len(step_s) - 1)
+        usual_mps = np.median(velocity_mps[near], axis=1)
+        off_m[rows] = np.hypot(*(step_m[rows] - usual_mps * step_s[rows, None]).T)
+    short = step_s <= _PAUSE * np.median(step_s)
+    jumps = np.flatnonzero(short & (off_m > _JUMP_M + _MOST_MPS2 * step_s**2))
+    if jumps.size:
+        first = int(jumps[0])
+        others = counted(len(jumps) - 1, "more place")
+        yield (
+            f"the path jumps by {metres(float(off_m[first]))} within {step_s[first]:.2g} s at "
+            f"{_time(drive.t_s, first + 1)}{f', and at {others}' if len(jumps) > 1 else ''}: was "
+            "the fix lost?"
+        )
+
+
+def _time(t_s: Float64[Array, "T"], index: int) -> str:
+    """Return a sample's time; where clocks count from 1970, the time since the first one."""
+    since = " after its start" if t_s[0] > 1e8 else ""
+    return f"{t_s[index] - (t_s[0] if since else 0.0):.1f} s{since}"
