@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -93,12 +94,15 @@ class Reconstruction:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the readers of the logs took, guessed and left out; of several, with their names."""
-        return tuple(
-            f"{episode.name}: {note}" if self.more_passes else note
-            for episode, _ in self.passes
-            for note in episode.notes
-        )
+        """What the readers of the logs took, guessed and left out, and what these do not tell.
+
+        A note on some of several passes has their names.
+        """
+        of_passes = [(episode.name, note) for episode, _ in self.passes for note in episode.notes]
+        said = Counter(note for _, note in of_passes)
+        n_passes = len(self.passes)
+        words = (note if said[note] == n_passes else f"{name}: {note}" for name, note in of_passes)
+        return tuple(dict.fromkeys(words))
 
     @property
     def stated(self) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from gaia_uwb.scene import Scene, Trajectory
 
 _HIGHEST_GAP_M = 30.0  # cones stand on the road that the vehicle drives on
 _SLACK_M = 1.0
+_GAP_S = 1.0
 _FEWEST_READINGS = 8
 _STEEPEST, _LEAST_CLIMB_M = 0.25, 5.0  # the steepest streets rise by a third of their length
 _JUMP_M, _MOST_MPS2 = 2.0, 10.0  # no vehicle accelerates more
@@ -62,6 +63,28 @@ def log_problems(
     else:
         yield from contradicted_anchors(scene, offset_s, max_gap_s=max_gap_s)
         yield from biased_anchors(scene, offset_s, max_gap_s)
+
+
+def log_notes(scene: Scene) -> Iterator[str]:
+    """Yield what is worth knowing of a log, the reader's notes first.
+
+    Parameters
+    ----------
+    scene
+        The log; its truth is not used.
+    """
+    yield from scene.notes
+    drive, t_s = scene.trajectory, scene.ranges.t_s
+    longest_s = float(np.diff(drive.t_s).max())
+    if longest_s > _GAP_S:
+        yield f"the trajectory has a gap of {longest_s:.1f} s"
+    n_outside = int(((t_s < drive.t_s[0]) | (t_s > drive.t_s[-1])).sum())
+    if n_outside:
+        yield f"{n_outside} of {len(t_s)} readings are outside the trajectory's time"
+    if drive.up_m is None or scene.anchor_up_m is None or np.isnan(scene.anchor_up_m).any():
+        yield "not all heights are known: ranges are treated as horizontal where one is missing"
+    if scene.frame is None:
+        yield "no geographic reference: results are in local metres, and no feed can be written"
 
 
 def _height_gap(scene: Scene) -> Iterator[str]:

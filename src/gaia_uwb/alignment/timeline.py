@@ -18,7 +18,7 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, InputError, Int64
 from gaia_uwb.alignment.clock import estimate_clock_offset
-from gaia_uwb.alignment.implausible import log_problems
+from gaia_uwb.alignment.implausible import log_notes, log_problems
 from gaia_uwb.alignment.readings import (
     ROUNDING_S,
     Fit,
@@ -97,7 +97,7 @@ def align(scene: Scene, config: AlignmentConfig = AlignmentConfig()) -> Episode:
         frame=scene.frame,
         clock=clock,
         truth=_truth(scene, steps, clock),
-        notes=scene.notes,
+        notes=tuple(log_notes(scene)),
         problems=tuple(log_problems(scene, clock.applied_s, max_gap_s=config.max_pose_gap_s)),
     )
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from gaia_uwb._shared import Array, Bool, in_a_line, problem_of
-from gaia_uwb.alignment import contradicting, log_problems
+from gaia_uwb.alignment import contradicting, log_notes, log_problems
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.evaluate.observability import Observability, observe
 from gaia_uwb.scene import Scene, Trajectory
@@ -215,13 +215,14 @@ def check_scene(scene: Scene) -> CheckReport:
     heard = any(anchor.usable_share > 0 for anchor in anchors)
     found = observe(scene.without_truth()) if moves and heard else None
     problems, more = ((), ()) if found is None else (tuple(found.problems()), tuple(found.notes()))
+    unscored = () if scene.truth else ("no surveyed cones: nothing to score against",)
     return CheckReport(
         name=scene.name,
         drive=drive,
         anchors=anchors,
         observability=found,
         problems=(*_problems(drive, anchors), *_spoilt(scene, found), *problems),
-        notes=(*scene.notes, *_notes(scene, drive, anchors), *more),
+        notes=(*log_notes(scene), *unscored, *more),
     )
 
 
@@ -297,18 +298,3 @@ def _problems(drive: DriveCheck, anchors: tuple[AnchorCheck, ...]) -> Iterator[s
             yield f"{anchor.anchor_id}: only {share} of the readings are usable"
     if len(anchors) < 3:
         yield f"a boundary needs 3 cones, but this log has {len(anchors)}"
-
-
-def _notes(scene: Scene, drive: DriveCheck, anchors: tuple[AnchorCheck, ...]) -> Iterator[str]:
-    if drive.longest_step_s > 1.0:
-        yield f"the trajectory has a gap of {drive.longest_step_s:.1f} s"
-    n_outside = sum(round(a.outside_share * a.n_readings) for a in anchors)
-    if n_outside:
-        yield f"{n_outside} of {len(scene.ranges)} readings are outside the trajectory's time"
-    heights = scene.anchor_up_m
-    if scene.trajectory.up_m is None or heights is None or np.isnan(heights).any():
-        yield "not all heights are known: ranges are treated as horizontal where one is missing"
-    if scene.frame is None:
-        yield "no geographic reference: results are in local metres, and no feed can be written"
-    if scene.truth is None:
-        yield "no surveyed cones: nothing to score against"
