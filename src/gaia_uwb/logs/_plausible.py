@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64, InputError
+from gaia_uwb._shared import Array, Float64, InputError, counted
 from gaia_uwb.logs._table import Table
 from gaia_uwb.scene import LocalFrame
 
@@ -18,6 +18,11 @@ _LEAST_STEP_S = 1e-9
 _ABSURD_M = 1e9  # a radio's garbage, like 2^32 millimetres, is below: that is a spike
 _EARTH_M = 2.1e7  # half of its girth: grids like UTM count in metres from far away
 _MILLIMETRES_ABOVE_M = 1_000.0  # UWB reaches 500 m at best
+_HOUR_S, _DAY_S = 3600.0, 86_400.0
+_MOST_HOURS = 14.0  # time zones go from -12 to +14
+_NEAR_S = 300.0  # clocks that are a whole hour apart agree otherwise
+_SLOW_S = 1.0  # radios answer more often
+_GPS_EPOCH_S, _LEAP_SECONDS = 315_964_800.0, 18.0
 _EPOCH_UNITS = ((1e17, "nanoseconds"), (1e14, "microseconds"), (1e11, "milliseconds"))
 
 
@@ -137,12 +142,21 @@ def check_one_drive(ranges: Table, trajectory: Table, position_m: Float64[Array,
         If their times do not overlap, half of the ranges are longer than 1,000 m, or one is beyond
         all reason.
     """
-    first_s, last_s = trajectory["t_s"][[0, -1]]
+    first_s, last_s = trajectory["t_s"][[0, -1]].tolist()
     t_s = ranges["t_s"]
-    if t_s.max() < first_s or t_s.min() > last_s:
+    start_s, end_s = float(t_s.min()), float(t_s.max())
+    unit = _time_unit(end_s - start_s, last_s - first_s)
+    if unit and (end_s - start_s) / len(np.unique(t_s)) > _SLOW_S:
+        problem = (
+            f"expected seconds: the ranges span {end_s - start_s:.0f}, the trajectory "
+            f"{last_s - first_s:.1f} s; are these {unit}?"
+        )
+        raise ranges.error(problem, column="t_s")
+    if end_s < first_s or start_s > last_s:
         raise InputError(
-            f"the times do not overlap: the ranges span {t_s.min():.3f} to {t_s.max():.3f} s, "
-            f"the trajectory {first_s:.3f} to {last_s:.3f} s",
+            f"the times do not overlap: the ranges span {start_s:.3f} to {end_s:.3f} s, "
+            f"the trajectory {first_s:.3f} to {last_s:.3f} s"
+            f"{gap_hint((start_s, end_s), (first_s, last_s))}",
             source=ranges.path,
             column="t_s",
         )
@@ -159,3 +173,48 @@ def check_one_drive(ranges: Table, trajectory: Table, position_m: Float64[Array,
             "this looks like millimetres or centimetres"
         )
         raise ranges.error(problem, column="range_m")
+
+
+def _time_unit(ranges_s: float, trajectory_s: float) -> str:
+    """Return the unit of the ranges' times if their span tells that it is another than seconds."""
+    for factor, unit in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
+        if 0.3 * factor < ranges_s / max(trajectory_s, _LEAST_STEP_S) < 3.0 * factor:
+            return unit
+    return ""
+
+
+def gap_hint(ranges_s: tuple[float, float], trajectory_s: tuple[float, float]) -> str:
+    """Return what may be the reason why two spans of time do not meet; empty if nothing is known.
+
+    Examples
+    --------
+    >>> gap_hint((7200.0, 7260.0), (3590.0, 3662.0))
+    '; the ranges are 1 h ahead: is utc_offset_h: 1 missing in stamps (gaia.yaml)?'
+    """
+    apart_s = 0.5 * (sum(ranges_s) - sum(trajectory_s))
+    slack_s = 0.5 * (ranges_s[1] - ranges_s[0] + trajectory_s[1] - trajectory_s[0])
+    known = (
+        (_GPS_EPOCH_S - _LEAP_SECONDS, "count from 1970 and from GPS time's start in 1980"),
+        (_GPS_EPOCH_S, "count from 1970 and from 1980"),
+    )
+    for distance_s, words in known:
+        if abs(abs(apart_s) - distance_s) <= slack_s:
+            return f"; the two {words}: bring them to one"
+    early = min(ranges_s[0], trajectory_s[0])
+    if early < _DAY_S * 366 < max(ranges_s[0], trajectory_s[0]):
+        return "; one counts from its own start and the other from 1970: bring them to one clock"
+    days = round(apart_s / _DAY_S)
+    if days and abs(apart_s - days * _DAY_S) <= slack_s:
+        way = "ahead" if days > 0 else "behind"
+        return f"; the ranges are {counted(abs(days), 'day')} {way}: is a date wrong?"
+    hours = round(2.0 * apart_s / _HOUR_S) / 2.0
+    near_s = min(slack_s, _NEAR_S)
+    if 0 < abs(hours) <= _MOST_HOURS and abs(apart_s - hours * _HOUR_S) <= near_s:
+        way = "ahead" if hours > 0 else "behind"
+        return (
+            f"; the ranges are {abs(hours):g} h {way}: is utc_offset_h: {hours:g} missing in "
+            "stamps (gaia.yaml)?"
+        )
+    if abs(abs(apart_s) - _LEAP_SECONDS) <= min(slack_s, 1.0):
+        return "; that may be the 18 leap seconds between GPS time and UTC"
+    return ""
