@@ -523,3 +523,25 @@ def test_a_counter_is_not_taken_for_the_anchors_id(
     (tmp_path / "anchors.csv").write_text("anchor_id\n1\n2\n3\n4\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"anchors\.csv, column anchor_id: 4 different anchors"):
         read_native(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "drive", "ranges"),
+    [
+        ("t_s", "2026/03/03 09:00:00", "2026-03-03T10:00:00.5+01:00"),
+        ("date,time", "2026-03-03,09:00:00", "03.03.2026,09:00:00.5"),
+    ],
+)
+def test_times_may_be_dates(tmp_path: Path, name: str, drive: str, ranges: str) -> None:
+    folder = make_folder(
+        tmp_path,
+        trajectory_csv=f"{name},lat,lon\n{drive},48,11\n{drive[:-1]}1,48,11.0001\n",
+        ranges_csv=f"{name},anchor_id,range_m\n{ranges},a,5\n",
+    )
+    scene, notes = read_with_notes(folder)
+    assert scene.trajectory.t_s.tolist() == [1772528400, 1772528401]
+    assert scene.ranges.t_s.tolist() == [1772528400.5]
+    assert "ranges.csv: dates and times without a zone are taken as UTC" in notes
+    (folder / "ranges.csv").write_text(f"{name},anchor_id,range_m\n{ranges},a,5\n{drive[1:]},a,5\n")
+    with pytest.raises(InputError, match=r"row 3, column .*: expected an ISO date and time"):
+        read_native(folder)

@@ -21,7 +21,7 @@ _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 NOTHING = ("nan", "na", "n/a", "null", "none", "-", "--")
 """What tables hold where there is no number, in small letters; an empty cell is the rule."""
 _NO_NUMBER = re.compile(rf"|[+-]?(inf|infinity|nan)|{'|'.join(NOTHING)}", re.IGNORECASE)
-_DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}\b|\d{1,2}:\d\d:", re.ASCII)
+_DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}(?!\d)|\d{1,2}:\d\d:", re.ASCII)
 _INTEGER = re.compile(r"[+-]?[0-9]{1,19}")
 
 
@@ -87,6 +87,16 @@ def find_row(path: Path, dialect: Dialect, names: list[str], index: int) -> int 
     return next((row for row, _, _ in islice(_wanted(path, dialect, names), index, None)), None)
 
 
+def first_cell(path: Path, dialect: Dialect, name: str) -> str:
+    """Return a column's first cell that is not blank, ``""`` if there is none."""
+    return next((cells[0].strip() for _, cells, _ in _wanted(path, dialect, [name])), "")
+
+
+def is_date(cell: str) -> bool:
+    """Tell whether a cell holds a date or a time of day rather than a number."""
+    return bool(_DATE.match(cell))
+
+
 def _with_point(cell: str, name: str, dialect: Dialect) -> str:
     """Return a cell with a decimal point for its decimal comma, where its column has commas."""
     return cell.replace(".", "?").replace(",", ".") if name in dialect.decimal_commas else cell
@@ -94,7 +104,7 @@ def _with_point(cell: str, name: str, dialect: Dialect) -> str:
 
 def _way_out(cell: str, kind: Kind) -> str:
     """Return what to do about a date where a number is expected."""
-    if kind is not Kind.NUMBER or not _DATE.match(cell.strip()):
+    if kind is not Kind.NUMBER or not is_date(cell.strip()):
         return ""
     return "; for dates, map the column in gaia.yaml: t_s: {column: NAME, iso: true}"
 

@@ -10,7 +10,13 @@ from __future__ import annotations
 
 import datetime as dt
 import re
+from collections.abc import Sequence
 from typing import Literal
+
+import numpy as np
+
+from gaia_uwb._shared import Array, Float64
+from gaia_uwb.logs._table import Table
 
 DateOrder = Literal["dmy", "mdy"]
 
@@ -61,10 +67,49 @@ def way_out(text: str, order: DateOrder | None) -> str:
     '; day or month first? Add stamps: {date_order: dmy} or mdy'
     """
     match = _FORM.fullmatch(text.strip())
+    if re.match(r"\d{1,2}:\d\d", text.strip()):
+        return "; where the date has a column of its own: t_s: {columns: [DATE, TIME], iso: true}"
     unclear = match is not None and len(match["third"]) == 4 and match["mark"] != "."
     if not unclear or order is not None:
         return ""
     return "; day or month first? Add stamps: {date_order: dmy} or mdy"
+
+
+def column_seconds(
+    table: Table,
+    names: Sequence[str],
+    *,
+    utc_offset_h: float = 0.0,
+    order: DateOrder | None = None,
+) -> Float64[Array, "R"]:
+    """Return the dates and times of a table in seconds since 1970.
+
+    Parameters
+    ----------
+    table
+        With text in these columns.
+    names
+        One column, or that of the dates and that of the times of day.
+    utc_offset_h, order
+        Like those of :func:`seconds_of`.
+
+    Raises
+    ------
+    InputError
+        If a cell's form is not known.
+    """
+    codes, texts = table[names[0]], list(table.labels[names[0]])
+    if len(names) > 1:
+        times = table.labels[names[1]]
+        pairs, codes = np.unique(codes * len(times) + table[names[1]], return_inverse=True)
+        texts = [f"{texts[pair // len(times)]} {times[pair % len(times)]}" for pair in pairs]
+    seconds = [seconds_of(text, utc_offset_h=utc_offset_h, order=order) for text in texts]
+    if None in seconds:
+        wrong = seconds.index(None)
+        text, index = texts[wrong], int(np.argmax(codes == wrong))
+        problem = f"expected an ISO date and time, got {text[:40]!r}{way_out(text, order)}"
+        raise table.error(problem, index=index, column=names[0])
+    return np.array(seconds, np.float64)[codes]
 
 
 def _in_iso(text: str) -> dt.datetime:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from gaia_uwb._shared import Array, InputError, Int64, open_regular
-from gaia_uwb.logs._cells import NOTHING, Kind, find_row, find_wrong_cell
+from gaia_uwb.logs._cells import NOTHING, Kind, find_row, find_wrong_cell, first_cell, is_date
 from gaia_uwb.logs._dialect import SEPARATOR_WORDS, Dialect, sniff, table_lines
 
 MAX_ROWS = 16_000_000
@@ -88,12 +88,13 @@ class Table:
         self, problem: str, *, index: int | None = None, column: str | None = None
     ) -> InputError:
         """Return the error that names the row of values ``index`` as the file's reader sees it."""
-        row = None
+        row: int | None = None
         if index is not None:
             index = index if self.kept is None else int(self.kept[index])
-            names = list(self.columns)
-            dialect = self.dialect
-            row = index + 1 if dialect is None else find_row(self.path, dialect, names, index)
+            dialect, row = self.dialect, index + 1
+            if dialect is not None:
+                names = [name for name in self.columns if name in dialect.names]
+                row = find_row(self.path, dialect, names, index)
         return InputError(problem, source=self.path, row=row, column=column)
 
 
@@ -158,6 +159,22 @@ def read_names(path: Path) -> list[str]:
     """
     with read_errors(path):
         return list(_parquet_schema(path) if _is_parquet(path) else sniff(path).names)
+
+
+def holds_dates(path: Path, name: str) -> bool:
+    """Tell whether a column's first value is a date, not a number.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    import polars as pl
+
+    with read_errors(path):
+        if _is_parquet(path):
+            return _parquet_schema(path)[name] in (pl.String, pl.Datetime)
+        return is_date(first_cell(path, sniff(path), name))
 
 
 def _as_wanted(dialect: Dialect, known: Mapping[str, Kind]) -> Dialect:

@@ -119,7 +119,7 @@ def gaps_remark(table: Table, n_gaps: int, missing: Sequence[float | int]) -> st
 def _check_one_tag(table: Table, names: Sequence[str], place: str) -> None:
     for name in names:
         tags = [table.labels[name][code] for code in np.unique(table[name])]
-        tags = [tag for tag in tags if tag]
+        tags = [tag.removesuffix(".0") for tag in tags if tag]
         if len(tags) > 1:
             problem = (
                 f"holds ranges of {len(tags)} tags ({_some(tags)}), and one log is of one tag: "

@@ -20,7 +20,7 @@ from pydantic import Field, ValidationError, model_validator
 from gaia_uwb._shared import Array, InputError
 from gaia_uwb.config import Settings
 from gaia_uwb.logs._cells import Kind
-from gaia_uwb.logs._dates import seconds_of, way_out
+from gaia_uwb.logs._dates import column_seconds
 from gaia_uwb.logs._logs import MAX_ANCHORS, LogTable, check_number_of_anchors, from_table, join
 from gaia_uwb.logs._selection import Value
 from gaia_uwb.logs._stamps import StampOptions
@@ -309,7 +309,8 @@ def _values(
     table: Table, name: str, column: Column, stamps: StampOptions, missing: Sequence[float | int]
 ) -> Array:
     if column.iso:
-        return _seconds(table, column, stamps)
+        hours, order = stamps.utc_offset_h, stamps.date_order
+        return column_seconds(table, column.names, utc_offset_h=hours, order=order)
     values = table[column.names[0]]
     if name == "anchor_id":
         return values
@@ -317,22 +318,3 @@ def _values(
         values = with_nothing(values, missing)
     with np.errstate(over="ignore"):  # what comes out as infinite is refused as such
         return values if column.scale == 1 else np.asarray(values * column.scale)
-
-
-def _seconds(table: Table, column: Column, stamps: StampOptions) -> Array:
-    """Return the dates and times of one or two columns, in seconds since 1970."""
-    name = column.names[0]
-    codes, texts = table[name], list(table.labels[name])
-    if column.columns is not None:
-        times = table.labels[column.names[1]]
-        pairs, codes = np.unique(codes * len(times) + table[column.names[1]], return_inverse=True)
-        texts = [f"{texts[pair // len(times)]} {times[pair % len(times)]}" for pair in pairs]
-    order = stamps.date_order
-    seconds = [seconds_of(text, utc_offset_h=stamps.utc_offset_h, order=order) for text in texts]
-    if None in seconds:
-        wrong = seconds.index(None)
-        index = int(np.argmax(codes == wrong))
-        text = texts[wrong]
-        problem = f"expected an ISO date and time, got {text[:40]!r}{way_out(text, order)}"
-        raise table.error(problem, index=index, column=name)
-    return np.array(seconds, np.float64)[codes]

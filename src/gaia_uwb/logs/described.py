@@ -313,7 +313,8 @@ def _or_other_format(error: InputError, path: Path) -> InputError:
         found = guess_format(path)
     except InputError:
         return error
-    if found not in {"rtklib", "gpx", "ubx", "nmea"}:
+    is_table = found in {"tum", "euroc"} and not error.problem.startswith("missing")
+    if is_table or found in {"csv", "ros"}:
         return error
-    problem = f"{error.problem}; this is no table but {found}: format: {found} reads it"
+    problem = f"{error.problem}; this is {found}: format: {found} reads it"
     return InputError(problem, source=error.source, row=error.row, column=error.column)

@@ -13,6 +13,7 @@
 ==================  ================================================================================
 
 Each table may be ``.parquet`` instead of ``.csv``. Seconds, metres, degrees, dBm; text is UTF-8.
+Times may also be dates, in ``t_s`` or in two columns ``date`` and ``time``.
 Positions are those of the tag's antenna. Without ``frame``, a trajectory in ``lat,lon`` takes its
 first sample as the local frame's origin. Heights (``up_m``) count from that origin; ``alt_m``, from
 the ellipsoid, may stand for them everywhere. What is not known is an empty cell: a height, a
@@ -50,16 +51,18 @@ from gaia_uwb._shared import (
 from gaia_uwb.config import LONGEST_NAME, Settings, settings_problems
 from gaia_uwb.logs import _plausible
 from gaia_uwb.logs._cells import Kind
+from gaia_uwb.logs._dates import column_seconds
 from gaia_uwb.logs._logs import check_number_of_anchors
 from gaia_uwb.logs._places import first_place, only_fixes, place_kinds, to_places
 from gaia_uwb.logs._scenes import Anchors, make_truth, range_log, ranges_of_drive, read_anchors
 from gaia_uwb.logs._selection import Missing, Where
-from gaia_uwb.logs._table import Table, read_names, read_table
+from gaia_uwb.logs._table import Table, holds_dates, read_names, read_table
 from gaia_uwb.logs._tags import choose_rows, drop_missing, tag_columns
 from gaia_uwb.logs._tidy import tidy
 from gaia_uwb.scene import LocalFrame, Scene, Trajectory
 
 _SCENE_FILE = "scene.yaml"
+_DATE_AND_TIME = ("date", "time")
 _TABLES = ("trajectory", "ranges", "anchors")
 _SUFFIXES = (".csv", ".parquet")
 
@@ -253,22 +256,34 @@ def _read_trajectory(path: Path) -> Table:
         names = ", ".join(map(repr, read_names(path)))
         problem = f"expected the columns east_m,north_m or lat,lon, got {names[:200]}"
         raise InputError(problem, source=path)
-    table, notes = only_fixes(read_table(path, {"t_s": Kind.NUMBER, **places}, heights))
+    table, notes = only_fixes(_read_timed(path, places, heights))
     table = replace(table, remarks=(*table.remarks, *notes))
     _plausible.check_seconds(table)
     return table
 
 
 def _read_ranges(path: Path, content: _SceneContent) -> Table:
-    needed = {"t_s": Kind.NUMBER, "anchor_id": Kind.TEXT, "range_m": Kind.OPTIONAL}
+    needed = {"anchor_id": Kind.TEXT, "range_m": Kind.OPTIONAL}
     signal = {"rssi_dbm": Kind.OPTIONAL, "rssi_fp_dbm": Kind.OPTIONAL}
     tags = tag_columns(read_names(path))
     choices = {name: Kind.ANYTHING for name in content.where if name not in needed}
     known = {**dict.fromkeys(tags, Kind.ANYTHING), **signal, **_TRUTH}
-    table = read_table(path, {**choices, **needed}, known)
+    table = _read_timed(path, {**choices, **needed}, known)
     check_number_of_anchors(table)
     table = choose_rows(table, content.where, tags, "scene.yaml")
     return drop_missing(table, content.missing)
+
+
+def _read_timed(path: Path, required: dict[str, Kind], optional: dict[str, Kind]) -> Table:
+    """Read a table with times: seconds, or dates and times of day, in one column or two."""
+    names = set(read_names(path))
+    times = _DATE_AND_TIME if "t_s" not in names and set(_DATE_AND_TIME) <= names else ("t_s",)
+    if times == ("t_s",) and not ("t_s" in names and holds_dates(path, "t_s")):
+        return read_table(path, {"t_s": Kind.NUMBER, **required}, optional)
+    table = read_table(path, {**dict.fromkeys(times, Kind.TEXT), **required}, optional)
+    columns = {**table.columns, "t_s": column_seconds(table, times)}
+    remark = f"{path.name}: dates and times without a zone are taken as UTC"
+    return replace(table, columns=columns, remarks=(*table.remarks, remark))
 
 
 def _notes(scene: Scene, drive: Table, ranges: Table, anchors: Anchors) -> Iterator[str]:

@@ -78,14 +78,14 @@ def test_what_it_does_not_tell(tmp_path: Path, content: str | bytes, words: str)
         guess_format(write(tmp_path, content))
 
 
-@pytest.mark.parametrize("kind", ["rtklib", "gpx", "ubx"])
+@pytest.mark.parametrize("kind", ["rtklib", "gpx", "ubx", "tum"])
 def test_a_file_that_is_mapped_as_a_table_and_is_none(tmp_path: Path, kind: str) -> None:
     folder = good.TRAJECTORIES[kind](tmp_path)
     description = yaml.safe_load((folder / "gaia.yaml").read_text(encoding="utf-8"))
     columns = {"t_s": {"column": "GPST", "iso": True}, "lat": "latitude(deg)", "lon": "lon"}
     description["trajectory"] |= {"format": "csv", "columns": columns}
     (folder / "gaia.yaml").write_text(yaml.safe_dump(description), encoding="utf-8")
-    with pytest.raises(InputError, match=f"this is no table but {kind}: format: {kind} reads it"):
+    with pytest.raises(InputError, match=f"this is {kind}: format: {kind} reads it"):
         read_described(folder)
 
 
@@ -163,7 +163,10 @@ def test_quality_of_rtklib(tmp_path: Path) -> None:
     [
         ("2026/03/03 09:00:18 48 11 520 1 9\n", "has no line like '%  GPST  latitude"),
         (rtklib(), "has no rows"),
-        (rtklib("UTC", LLH, "2026/03/33 09:00:18 48 11 520 1 9"), "row 3: expected a date and ti"),
+        (
+            rtklib("UTC", LLH, "2026/03/33 09:00:18 48 11 520 1 9"),
+            "row 3, column date: expected an ISO",
+        ),
         (rtklib("UTC", LLH, "2026/03/03 09:00:18 48 x 520 1 9"), "row 3, column lon: expected a f"),
     ],
 )

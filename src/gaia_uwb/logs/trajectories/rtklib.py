@@ -16,7 +16,7 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Float64, InputError
 from gaia_uwb.logs._cells import Kind
-from gaia_uwb.logs._dates import seconds_of
+from gaia_uwb.logs._dates import column_seconds
 from gaia_uwb.logs._dialect import sniff
 from gaia_uwb.logs._logs import LogTable, from_table, read_lines
 from gaia_uwb.logs._table import Table, read_table
@@ -77,7 +77,11 @@ def read_rtklib(path: Path, clock: Literal["utc", "gps"] = "utc") -> tuple[LogTa
     kinds |= dict.fromkeys(places, Kind.NUMBER)
     optional = {"Q": Kind.INTEGER}
     table = read_table(path, kinds, optional, dialect=sniff(path, names))
-    t_s = _dates_s(table) if dated else GPS_EPOCH_S + WEEK_S * table["week"] + table["tow_s"]
+    t_s = (
+        column_seconds(table, times)
+        if dated
+        else GPS_EPOCH_S + WEEK_S * table["week"] + table["tow_s"]
+    )
     t_s, notes = _in_clock(path, t_s, header[0], clock)
     log = from_table(table, {"t_s": t_s, **_places(table)})
     quality = table["Q"] if "Q" in table else np.zeros(len(table), np.int64)
@@ -105,21 +109,6 @@ def _header(path: Path) -> tuple[list[str], str]:
         raise InputError("has no rows", source=path)
     problem = "has no line like '%  GPST  latitude(deg) longitude(deg) height(m) Q' above its rows"
     raise InputError(problem, source=path)
-
-
-def _dates_s(table: Table) -> Float64[Array, "R"]:
-    """Return the dates and times in seconds since 1970, by the file's clock."""
-    codes, texts = table["time"], list(table.labels["time"])
-    if "date" in table:
-        days = table.labels["date"]
-        pairs, codes = np.unique(table["date"] * len(texts) + codes, return_inverse=True)
-        texts = [f"{days[pair // len(texts)]} {texts[pair % len(texts)]}" for pair in pairs]
-    seconds = [seconds_of(text) for text in texts]
-    if None in seconds:
-        wrong = seconds.index(None)
-        problem = f"expected a date and time like 2026/03/03 09:00:00, got {texts[wrong][:40]!r}"
-        raise table.error(problem, index=int(np.argmax(codes == wrong)))
-    return np.array(seconds, np.float64)[codes]
 
 
 def _in_clock(
