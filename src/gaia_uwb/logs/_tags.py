@@ -13,8 +13,8 @@ from gaia_uwb.logs._selection import Value, Wanted
 from gaia_uwb.logs._table import Table
 
 _TAG = re.compile(
-    "tag|tag_?id|tag_name|tag_mac|tag_addr|tag_address|tid|initiator|initiator_id|from|from_?id|"
-    "src_id|src_addr|source_id|mobile_id|rover_id"
+    "(tag|initiator|from|src|sender|rover|mobile|robot|vehicle)(_?id|_name|_mac|_addr|_address)?|"
+    "tid|source_id"
 )
 
 

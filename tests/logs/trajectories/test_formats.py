@@ -156,6 +156,9 @@ def test_quality_of_rtklib(tmp_path: Path) -> None:
     table, notes = read_rtklib(write(tmp_path, rtklib("UTC", LLH, *rows)))
     assert table["alt_m"].tolist() == [522, 521]
     assert notes[0].startswith("drive.log: 2 fixes: 1 RTK fixed, 1 RTK float; where the quality")
+    geodetic = "% (lat/lon/height=WGS84/geodetic,Q=1:fix)\n" + rtklib("UTC", LLH, *rows)
+    _, notes = read_rtklib(write(tmp_path, geodetic))
+    assert notes[0] == "drive.log: heights are above the geoid"
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ They have a time of day only. The date comes from the first RMC sentence with a 
 from the options; without one, times are seconds since midnight (UTC). Heights are ellipsoidal: the
 altitude above the geoid plus the geoid separation, both from the sentence.
 
-Parsed here and not by pynmeagps: a sentence takes a third of the time, and host stamps before a
+Parsed here and not by pynmeagps: a sentence takes a quarter of the time, and host stamps before a
 sentence and glued or binary lines are read as well.
 """
 

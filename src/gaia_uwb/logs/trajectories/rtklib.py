@@ -67,7 +67,7 @@ def read_rtklib(path: Path, clock: Literal["utc", "gps"] = "utc") -> tuple[LogTa
     InputError
         If the file cannot be read, has no header line, or a cell is wrong.
     """
-    header, first = _header(path)
+    header, first, heights = _header(path)
     places = _PLACES[tuple(header[1:4])]
     dated = "/" in re.split(r"[\s,;]", first)[0]
     in_one = dated and re.search("[,;\t]", first)  # then a blank is within the first cell
@@ -89,19 +89,22 @@ def read_rtklib(path: Path, clock: Literal["utc", "gps"] = "utc") -> tuple[LogTa
     for code, each in _RANKS.items():
         rank[quality == code] = each
     log, counted = fixes.keep_best(log, t_s, rank)
-    return log, notes + counted
+    return log, notes + heights + counted
 
 
-def _header(path: Path) -> tuple[list[str], str]:
-    """Return the words of the line that names the columns, and the first line of the rows."""
+def _header(path: Path) -> tuple[list[str], str, list[str]]:
+    """Return the words of the line that names the columns, the first row, and a note on heights."""
     words: list[str] | None = None
+    notes: list[str] = []
     for _, line in islice(read_lines(path), _MOST_LINES_ABOVE):
         if not line.startswith("%"):
             if line and words is not None:
-                return words, line
+                return words, line, notes
             if line:
                 break
             continue
+        if "/geodetic" in line:
+            notes = [f"{path.name}: heights are above the geoid"]
         found = re.split(r"[\s,;]+", line.lstrip("% "))
         if found[0] in _CLOCKS and tuple(found[1:4]) in _PLACES:
             words = found
