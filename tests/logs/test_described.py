@@ -11,6 +11,7 @@ from gaia_uwb._shared.errors import ConfigError, InputError
 from gaia_uwb.api import load_scenes
 from gaia_uwb.evaluate.source_check import check_source
 from gaia_uwb.logs.described import is_described, read_described
+from gaia_uwb.logs.input_description import InputDescription
 
 CSV = {
     "trajectory": {
@@ -140,3 +141,39 @@ def test_nothing_of_a_file_elsewhere_is_quoted(tmp_path: Path, header: str, link
     (folder / "gaia.yaml").write_text(description, encoding="utf-8")
     with pytest.raises(InputError, match="pass'word"):
         read_described(folder)
+
+
+def test_tables_with_our_names_need_no_map(tmp_path: Path) -> None:
+    folder = tmp_path / "pass"
+    folder.mkdir()
+    (folder / "gnss.csv").write_text("t_s,lat,lon,alt_m\n0,48,11,5\n1,48,11.0001,6\n")
+    (folder / "uwb.csv").write_text("t_s,tag,anchor_id,range_m\n0,1,a,5\n0,2,a,7\n1,2,a,8\n")
+    trajectory = {"file": "gnss.csv", "format": "csv"}
+    ranges = {"file": "uwb.csv", "format": "csv", "where": {"tag": 2}}
+    for given in (trajectory, {"file": "gnss.csv"}):
+        description = {"trajectory": given, "ranges": [ranges]}
+        (folder / "gaia.yaml").write_text(yaml.safe_dump(description), encoding="utf-8")
+        scene, _ = read_described(folder)
+        assert scene.ranges.range_m.tolist() == [7, 8]
+        assert scene.trajectory.up_m is not None
+    (folder / "gnss.csv").write_text("t_s,breite,lon\n0,48,11\n", encoding="utf-8")
+    (folder / "gaia.yaml").write_text(
+        yaml.safe_dump({"trajectory": trajectory, "ranges": [ranges]}), encoding="utf-8"
+    )
+    with pytest.raises(InputError, match=r"gnss\.csv: has not the columns of GAIA's own format"):
+        read_described(folder)
+
+
+def test_columns_say_that_it_is_a_table(tmp_path: Path) -> None:
+    trajectory = {k: v for k, v in CSV["trajectory"].items() if k != "format"}
+    ranges = [{k: v for k, v in given.items() if k != "format"} for given in CSV["ranges"]]
+    whole, _ = read_described(write(tmp_path / "whole"))
+    short = write(tmp_path / "short", {**CSV, "trajectory": trajectory, "ranges": ranges})
+    scene, _ = read_described(short)
+    assert scene.ranges.range_m.tolist() == whole.ranges.range_m.tolist()
+
+
+def test_all_files_that_are_named_are_known() -> None:
+    kitti = {"file": "poses.txt", "format": "kitti", "times": "times.txt"}
+    description = InputDescription.model_validate({**CSV, "trajectory": kitti})
+    assert {"poses.txt", "times.txt"} <= set(description.names())
