@@ -6,10 +6,13 @@ message, because each row remembers where it came from.
 
 from __future__ import annotations
 
+import codecs
+import io
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -220,12 +223,23 @@ def read_lines(path: Path) -> Iterator[tuple[int, str]]:
     check_file(path, MAX_TEXT_BYTES)
     try:
         with open_regular(path) as file:
-            number = 0
-            while line := file.readline(_MAX_LINE_BYTES):
-                number += 1
+            for number, line in enumerate(_lines_in(file), 1):
                 yield number, line.decode("ascii", "replace").replace("\ufffd", "?").strip()
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", source=path) from error
+
+
+def _lines_in(file: BinaryIO) -> Iterator[bytes]:
+    """Yield a file's lines, without the mark at its start; a Windows shell writes UTF-16."""
+    mark = file.read(len(codecs.BOM_UTF8))
+    file.seek(len(mark) if mark == codecs.BOM_UTF8 else 0)
+    if mark.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        with io.TextIOWrapper(file, "utf-16", errors="replace", newline="\n") as text:
+            while wide := text.readline(_MAX_LINE_BYTES):
+                yield wide.encode("ascii", "replace")
+        return
+    while line := file.readline(_MAX_LINE_BYTES):
+        yield line
 
 
 def check_number_of_anchors(table: Table) -> None:

@@ -2,8 +2,7 @@
 
 ========================================  =====================================================
 seconds (or ms, us, ns) since 1970        ``1767225600.25``, ``ts %.s``
-ISO date and time                         ``[2026-01-01 09:00:00.250]`` (Tera Term, minicom)
-date with the year first or last          ``2026/01/01 09:00:00``, ``01.01.2026 09:00:00``
+date and time, as in tables               ``[2026-01-01 09:00:00.250]`` (Tera Term, minicom)
 month's name, with or without the year    ``Jan 01 09:00:00`` (``ts``), ``Thu Jan 01 09:00:00 2026``
 time of day                               ``09:00:00.250 ->`` (Arduino)
 ========================================  =====================================================
@@ -28,18 +27,17 @@ from pydantic import Field
 
 from gaia_uwb._shared import InputError
 from gaia_uwb.config import Settings
-from gaia_uwb.logs._dates import DateOrder
+from gaia_uwb.logs._dates import DateOrder, seconds_of, way_out
 
 DAY_S = 86_400.0
 
 _NUMBER = r"\d{1,20}(?:\.\d{1,12})?"
-_ISO = r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d{1,9})?(?:Z|[+-]\d\d:?\d\d)?"
-_TIME = r"\d\d?:\d\d:\d\d(?:[.,]\d{1,9})?"
+_TIME = r"\d\d?:\d\d:\d\d(?:[.,]\d{1,9})?(?: ?[AaPp][Mm])?"
+_ZONE = r"(?: ?(?:Z|UTC|GMT|[+-]\d\d:?\d\d))?"
 _MONTHS = {name.lower(): month for month, name in enumerate(calendar.month_abbr) if name}
 _STAMP = re.compile(
     r"\s*\[?\s*(?:"
-    rf"(?P<iso>{_ISO})"
-    rf"|(?P<date>\d{{4}}/\d\d/\d\d|\d\d\.\d\d\.\d{{4}})\s+(?P<dated>{_TIME})"
+    rf"(?P<dated>\d{{1,4}}[-/.]\d{{1,2}}[-/.]\d{{1,4}}[T ] *{_TIME}{_ZONE})"
     rf"|(?:[A-Z][a-z]{{2}},? +)?(?P<month>[A-Z][a-z]{{2}}) +(?P<day>\d\d?) +(?P<named>{_TIME})"
     r"(?: +(?P<year>\d{4}))?"
     rf"|(?:(?P<days>\d{{1,3}}) +)?(?P<time>{_TIME})"
@@ -47,6 +45,7 @@ _STAMP = re.compile(
     r")(?:\s*\]?\s*(?:[,;|:]|-?>)\s*|\s*\]\s*|\s+)",
     re.ASCII,
 )
+_DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4} +\d\d?:\d\d(?::\d\d)?", re.ASCII)
 _UNIT_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -58,7 +57,7 @@ class StampOptions(Settings):
     utc_offset_h: float = Field(default=0.0, ge=-24, le=24)
     """Hours by which the stamps' clock is ahead of UTC, for dates and times without a zone."""
     date_order: DateOrder | None = None
-    """Whether day or month comes first in a table's dates that end in the year (03/04/2026)."""
+    """Whether day or month comes first in dates that end in the year (03/04/2026)."""
     date: dt.date | None = None
     """First day, for stamps without a date or without a year; without it the trajectory's."""
 
@@ -117,17 +116,13 @@ class Stamps:
             return None
         if match["number"]:
             return float(match["number"]) * _UNIT_S[self._options.unit]
-        if match["iso"]:
-            return self.iso_s(match["iso"])
+        if dated := match["dated"]:
+            order = self._options.date_order
+            return seconds_of(dated, utc_offset_h=self._options.utc_offset_h, order=order)
         if match["time"]:
             return self._of_day(match["time"], int(match["days"] or 0))
-        if match["month"]:
-            month = _MONTHS.get(match["month"].lower(), 0)
-            return self._named(match["year"], month, int(match["day"]), match["named"])
-        day, month, year = map(int, re.split("[./]", match["date"]))
-        if year < 100:  # the year stands first
-            day, year = year, day
-        return self._dated(year, month, day, match["dated"])
+        month = _MONTHS.get(match["month"].lower(), 0)
+        return self._named(match["year"], month, int(match["day"]), match["named"])
 
     def check(self, path: Path) -> None:
         """Refuse stamps that have no year where nothing tells it.
@@ -141,16 +136,10 @@ class Stamps:
             problem = "its stamps have no year: set stamps: {date: YYYY-MM-DD}, the first day"
             raise InputError(problem, source=path)
 
-    def iso_s(self, text: str) -> float | None:
-        """Return an ISO date and time as seconds since 1970, ``None`` if it is not one."""
-        try:
-            moment = dt.datetime.fromisoformat(text.strip().replace(",", "."))
-        except ValueError:
-            return None
-        if moment.tzinfo is None:
-            zone = dt.timedelta(hours=self._options.utc_offset_h)
-            return (moment.replace(tzinfo=dt.UTC) - _EPOCH - zone).total_seconds()
-        return (moment - _EPOCH).total_seconds()
+    def way_out(self, text: str) -> str:
+        """Return what to add to ``gaia.yaml`` for a stamp whose date may be of two days."""
+        found = _DATE.search(text)
+        return "" if found is None else way_out(found[0], self._options.date_order)
 
     @property
     def _offset_s(self) -> float:
@@ -213,10 +202,16 @@ _EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
 
 
 def _time_of_day_s(text: str) -> float | None:
-    hours, minutes, seconds = text.replace(",", ".").split(":")
-    if int(hours) > 23 or int(minutes) > 59 or float(seconds) >= 61:
+    half = text[-2:].lower() if text[-1] in "mM" else ""
+    hours, minutes, seconds = text.rstrip("AaPpMm ").replace(",", ".").split(":")
+    hour = int(hours)
+    if half:
+        if not 1 <= hour <= 12:
+            return None
+        hour = hour % 12 + 12 * (half == "pm")
+    if hour > 23 or int(minutes) > 59 or float(seconds) >= 61:
         return None
-    return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
+    return 3600 * hour + 60 * int(minutes) + float(seconds)
 
 
 def day_s(day: dt.date) -> float:

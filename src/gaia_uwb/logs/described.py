@@ -22,7 +22,7 @@ from gaia_uwb.logs._places import Places, first_place, only_fixes, to_places
 from gaia_uwb.logs._scenes import make_truth, range_log, ranges_of_drive, read_anchors
 from gaia_uwb.logs._stamps import DAY_S
 from gaia_uwb.logs._tidy import tidy
-from gaia_uwb.logs.bags import Link, is_ros2_folder, is_ros_file
+from gaia_uwb.logs.bags import Link, is_killed_recording, is_ros2_folder, is_ros_file
 from gaia_uwb.logs.input_description import (
     FILE_NAME,
     CsvRanges,
@@ -40,6 +40,7 @@ from gaia_uwb.logs.input_description import (
     TrajectoryInput,
     read_description,
 )
+from gaia_uwb.logs.native import is_native
 from gaia_uwb.logs.ros import RosLog
 from gaia_uwb.scene import LocalFrame, Scene, Trajectory
 
@@ -50,7 +51,9 @@ _QUOTED = re.compile("['\"`].*['\"`]", re.DOTALL)
 def is_described(path: Path) -> bool:
     """Tell whether a path is a log that :func:`read_described` reads."""
     if path.is_dir():
-        return (path / FILE_NAME).is_file() or is_ros2_folder(path)
+        if (path / FILE_NAME).is_file() or is_ros2_folder(path):
+            return True
+        return not is_native(path) and is_killed_recording(path)
     return is_ros_file(path) and path.is_file()
 
 

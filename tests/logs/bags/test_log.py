@@ -94,6 +94,14 @@ def test_recordings_of_several_drives_stay_apart(tmp_path: Path, names: tuple[st
         RosLog(tmp_path)
 
 
+def test_bags_beside_a_log_in_tables_are_not_that_log(tmp_path: Path) -> None:
+    for k in (0, 1):
+        write_part(tmp_path, f"raw_{k}.mcap", k)
+    assert is_described(tmp_path)
+    (tmp_path / "trajectory.csv").write_text("t_s,lat,lon\n", encoding="utf-8")
+    assert not is_described(tmp_path)
+
+
 def test_parts_that_lie_far_apart_are_noted(tmp_path: Path) -> None:
     for k in (0, 1):
         write_part(tmp_path, f"drive_{k}.mcap", 320 * k)

@@ -40,6 +40,20 @@ def test_each_device_is_read_and_found_by_its_lines(tmp_path: Path, name: str) -
         assert notes[0].startswith(f"tag.log: {name}, anchor: ")
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r\r\n"])
+def test_text_as_windows_writes_it(tmp_path: Path, encoding: str, end: str) -> None:
+    path = tmp_path / "tag.log"
+    mark = "\ufeff" if encoding == "utf-16-le" else ""
+    text = mark + "".join(f"[2026-01-01 00:00:0{k}] {LEC}{end}" for k in range(3))
+    path.write_bytes(text.encode(encoding))
+    table, notes = read_serial(path)
+    assert table["t_s"].tolist()[::2] == [NEW_YEAR_S + k for k in range(3)]
+    assert len(notes) == 1
+    path.write_bytes(path.read_bytes()[:-101])  # cut within a line, and within a character
+    assert len(read_serial(path)[0]) == 4
+
+
 @pytest.mark.parametrize("name", DEVICES)
 def test_the_wrong_format_is_told_which_is_right(tmp_path: Path, name: str) -> None:
     path = write(tmp_path, f"2.5 {LINES[name]}")
@@ -77,6 +91,9 @@ def test_lines_of_two_devices_are_not_mixed(tmp_path: Path) -> None:
         ("2026-01-01 09:00:00.250: ", {"utc_offset_h": 9.0}, 0.25),
         ("2026/01/01 00:00:00.250 ", {}, 0.25),
         ("01.02.2026 00:00:00 ", {}, 31 * 86400),
+        ("1/2/2026 12:00:00.5 AM -> ", {"date_order": "dmy"}, 31 * 86400 + 0.5),
+        ("12:00:00.500 AM -> ", {"date": "2026-01-01"}, 0.5),
+        ("1:00:00 pm ", {"date": "2026-01-01"}, 13 * 3600),
         ("[Thu Jan 01 00:00:01.500 2026] ", {}, 1.5),
         ("Thu Jan  1 00:00:01 2026: ", {}, 1),
         ("Jan 01 00:00:01 ", {"date": "2026-01-01"}, 1),
@@ -123,7 +140,12 @@ def test_a_leap_day_without_a_year(tmp_path: Path) -> None:
     [
         ("hello", "has no lines of a device that is read"),
         (LEC, "its lines have no host time"),
-        ("03/03/2026 09:00 " + LEC, r"row 1: the stamps .* not read: '03/03/2026 09:00 '"),
+        (
+            "03/03/2026 09:00:00 " + LEC,
+            r"row 1: the stamps .* not read: '03/.*{date_order: dmy} or",
+        ),
+        ("at 9 " + LEC, r"row 1: the stamps .* not read: 'at 9 ' \(docs/inputs\.md lists"),
+        ("13:00:00 pm " + LEC, "form that is not read"),
         ("Foo 03 09:00:00 " + MC, r"form that is not read: 'Foo 03 09:00:00 '"),
         ("31.02.2026 09:00:00 " + MC, "form that is not read"),
     ],

@@ -24,6 +24,7 @@ from .fields import (
 )
 from .guess import guess_ranges as guess_ranges, hint_ranges as hint_ranges
 from .log import (
+    is_killed_recording as is_killed_recording,
     is_ros2_folder as is_ros2_folder,
     is_ros_file as is_ros_file,
     open_log as open_log,

@@ -32,8 +32,13 @@ def is_ros_file(path: Path) -> bool:
 
 
 def is_ros2_folder(folder: Path) -> bool:
-    """Tell whether a folder is one recording: it says so, or its files are numbered from 0."""
-    return (folder / METADATA).is_file() or len(_parts(folder)) > 1
+    """Tell whether a folder is one recording by its description."""
+    return (folder / METADATA).is_file()
+
+
+def is_killed_recording(folder: Path) -> bool:
+    """Tell whether the files of a folder are the parts of a recording, numbered from 0."""
+    return len(_parts(folder)) > 1
 
 
 def open_log(path: Path) -> tuple[list[Bag], bool]:

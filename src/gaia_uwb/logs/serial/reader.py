@@ -93,7 +93,7 @@ def read_serial(  # each is a key of gaia.yaml
     log = _Log(path, kind(), Stamps(options, near_s), wanted, missing)
     rows, count = log.read()
     if not len(rows):
-        raise _no_ranges(path, kind, count)
+        raise _no_ranges(path, kind, count, log.stamps)
     if len(count.tags) > 1:
         raise InputError(_several_tags(kind, count), source=path)
     log.stamps.check(path)
@@ -209,7 +209,7 @@ def _devices_in(path: Path) -> list[type[Device]]:
     return [kind for kind in devices if n_whole[kind]]
 
 
-def _no_ranges(path: Path, kind: type[Device], count: _Count) -> InputError:
+def _no_ranges(path: Path, kind: type[Device], count: _Count, stamps: Stamps) -> InputError:
     """Return the error that says why a log gave no range."""
     others = [device for device in _devices_in(path) if device is not kind]
     number, stamp = count.other_stamp
@@ -219,7 +219,8 @@ def _no_ranges(path: Path, kind: type[Device], count: _Count) -> InputError:
         return InputError(problem, source=path)
     if number:
         problem = f"the stamps before its lines are in a form that is not read: {shown(stamp[:60])}"
-        return InputError(f"{problem} (docs/inputs.md lists the forms)", source=path, row=number)
+        how = stamps.way_out(stamp) or " (docs/inputs.md lists the forms)"
+        return InputError(f"{problem}{how}", source=path, row=number)
     if count.n_without_stamp:
         problem = "its lines have no host time: log them as 'SECONDS LINE', for example with ts %.s"
     elif count.n_broken:
