@@ -11,7 +11,12 @@ from gaia_uwb._shared.errors import ConfigError, InputError
 from gaia_uwb.api import load_scenes
 from gaia_uwb.evaluate.source_check import check_source
 from gaia_uwb.logs.described import is_described, read_described
-from gaia_uwb.logs.input_description import InputDescription
+from gaia_uwb.logs.input_description import (
+    CsvRanges,
+    InputDescription,
+    RosRanges,
+    SerialRanges,
+)
 
 CSV = {
     "trajectory": {
@@ -177,3 +182,19 @@ def test_all_files_that_are_named_are_known() -> None:
     kitti = {"file": "poses.txt", "format": "kitti", "times": "times.txt"}
     description = InputDescription.model_validate({**CSV, "trajectory": kitti})
     assert {"poses.txt", "times.txt"} <= set(description.names())
+
+
+@pytest.mark.parametrize(
+    ("given", "kind"),
+    [
+        ({"file": "a.mcap"}, RosRanges),
+        ({"file": "recording", "topic": "/uwb"}, RosRanges),
+        ({"file": "a.csv"}, CsvRanges),
+        ({"file": "a.txt", "columns": {"anchor_id": "id", "range_m": "d"}}, CsvRanges),
+        ({"file": "tag.log"}, SerialRanges),
+        ({"file": "tag.log", "format": "mauwb", "where": {"tid": 1}}, SerialRanges),
+    ],
+)
+def test_ranges_without_a_format(given: dict[str, object], kind: type) -> None:
+    whole = {"trajectory": {"file": "a.nmea", "format": "nmea"}, "ranges": [given]}
+    assert isinstance(InputDescription.model_validate(whole).ranges[0], kind)

@@ -22,7 +22,7 @@ from gaia_uwb.logs._lever_arm import LeverArm
 from gaia_uwb.logs._logs import check_file
 from gaia_uwb.logs._selection import Missing, Where
 from gaia_uwb.logs._stamps import StampOptions
-from gaia_uwb.logs.bags import FieldMap
+from gaia_uwb.logs.bags import FieldMap, is_ros_file
 from gaia_uwb.logs.csv_map import RangeColumns, TrajectoryColumns
 
 FILE_NAME = "gaia.yaml"
@@ -37,7 +37,7 @@ class _File(Settings):
 
 
 class _Ros(_File):
-    format: Literal["ros"]
+    format: Literal["ros"] = "ros"
     topic: str | None = None
     """Name of the topic; ``None`` uses the only one that fits."""
     clock: Literal["auto", "header", "receive"] = "auto"
@@ -170,8 +170,17 @@ def _kind_of_trajectory(given: object) -> str | None:
     """Return which model describes a trajectory; columns are a table's."""
     form = _get(given, "format")
     if form is None:
-        return "csv" if _get(given, "columns") is not None else "guessed"
+        return _kind_without_format(given) or "guessed"
     return _TRAJECTORIES.get(form) if isinstance(form, str) else None
+
+
+def _kind_without_format(given: object) -> str | None:
+    """Return what a file is by keys that only one kind has, and by the ending of a ROS log."""
+    name = _get(given, "file")
+    ros_file = isinstance(name, str) and is_ros_file(Path(name))
+    if ros_file or any(_get(given, key) is not None for key in ("topic", "fields", "frames")):
+        return "ros"
+    return "csv" if _get(given, "columns") is not None else None
 
 
 def _get(given: object, key: str) -> object:
@@ -201,7 +210,9 @@ def _kind_of_ranges(given: object) -> str | None:
     """Return which model describes ranges; without a format, a serial log tells its own."""
     form = _get(given, "format")
     if form is None:
-        return "csv" if _get(given, "columns") is not None else "serial"
+        name = _get(given, "file")
+        is_table = isinstance(name, str) and name.endswith((".csv", ".parquet"))
+        return _kind_without_format(given) or ("csv" if is_table else "serial")
     return _RANGES.get(form) if isinstance(form, str) else None
 
 
