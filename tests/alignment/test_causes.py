@@ -60,6 +60,29 @@ def test_leap_seconds_between_the_clocks() -> None:
     assert cause(make_scene(late_s=-9.3)).startswith("the radio's clock were 9.3 s behind the tr")
 
 
+@pytest.mark.parametrize("whose", ["radio", "trajectory"])
+def test_a_clock_that_was_set_forward(whose: str) -> None:
+    scene = make_scene()
+    if whose == "radio":
+        stepped_s = scene.ranges.t_s + 6.0 * (scene.ranges.t_s > 25.0)
+        scene = replace(scene, ranges=replace(scene.ranges, t_s=stepped_s))
+    else:
+        stepped = replace(scene.trajectory, t_s=T_S + 6.0 * (T_S > 25.0))
+        scene = replace(scene, trajectory=stepped)
+    said = cause(scene)
+    assert said.startswith(f"the {whose}'s clock had not been set forward by ")
+    assert float(said.split("by ")[1].split()[0]) == pytest.approx(6.0, abs=0.2)
+    assert said.endswith(", 31.2 s after its start")
+
+
+def test_a_gap_alone_is_no_step() -> None:
+    scene = make_scene()
+    log = scene.ranges
+    heard = (log.t_s < 20.0) | (log.t_s > 28.0)
+    kept = RangeLog(log.t_s[heard], log.anchor[heard], log.range_m[heard])
+    assert cause(replace(scene, ranges=kept)) == ""
+
+
 def test_latitude_and_longitude_in_each_others_place() -> None:
     scene = make_scene()
     frame = LocalFrame(47.0, 11.0)

@@ -24,6 +24,7 @@ _HEARD = 0.6  # of the readings have a pose under another clock offset as well
 _UNITS = ((0.01, "centimetres"), (0.001, "millimetres"), (0.1, "decimetres"), (0.3048, "feet"))
 _CLOCK_S, _CLOCK_STEP_S = 40.0, 1.0
 _LEAP_SECONDS = 18.0  # GPS time minus UTC since 2017
+_MOST_GAPS, _LONG_GAP, _LEAST_STEP_S, _STEPS = 3, 5.0, 0.5, 40
 _BIASES = 40
 _OWN_BIASES_M = np.arange(-1.0, 3.01, 0.2)
 _FEWEST_ANCHORS = 3
@@ -173,6 +174,7 @@ def _undone(case: _Case) -> Iterator[tuple[str, _Case]]:
     yield from _swapped(case)
     yield from _heights(case)
     yield from _clocks(case)
+    yield from _set_forward(case)
     yield from _biases(case)
 
 
@@ -212,6 +214,38 @@ def _clocks(case: _Case) -> Iterator[tuple[str, _Case]]:
     if abs(abs(best) - _LEAP_SECONDS) < 0.5:
         text += ", as GPS time and UTC are (18 leap seconds)"
     yield text, replace(case, offset_s=best)
+
+
+def _set_forward(case: _Case) -> Iterator[tuple[str, _Case]]:
+    """Undo a step of one of the clocks, which leaves a gap of at least its size."""
+    drive, log_s = case.scene.trajectory, case.scene.ranges.t_s
+
+    def ranges_back(since_s: float, step_s: float) -> _Case:
+        blocks = (
+            replace(block, t_s=np.where(block.t_s >= since_s, block.t_s - step_s, block.t_s))
+            for block in case.readings
+        )
+        return replace(case, readings=tuple(blocks))
+
+    def path_back(since_s: float, step_s: float) -> _Case:
+        t_s = np.where(drive.t_s >= since_s, drive.t_s - step_s, drive.t_s)
+        return replace(case, scene=replace(case.scene, trajectory=replace(drive, t_s=t_s)))
+
+    for times_s, whose, back in (
+        (log_s, "the radio's", ranges_back),
+        (drive.t_s, "the trajectory's", path_back),
+    ):
+        gap_s = np.diff(times_s)
+        usual_s = float(np.median(gap_s[gap_s > 0])) if (gap_s > 0).any() else 0.0
+        for k in np.argsort(gap_s)[-_MOST_GAPS:]:
+            since_s, most_s = float(times_s[k + 1]), float(gap_s[k]) - 0.5 * usual_s
+            if most_s < max(_LEAST_STEP_S, _LONG_GAP * usual_s):
+                continue
+            steps_s = np.linspace(most_s / _STEPS, most_s, _STEPS).tolist()
+            best_s = min((back(since_s, step_s).half_m()[0], step_s) for step_s in steps_s)[1]
+            at = f"{since_s - float(times_s[0]):.1f} s after its start"
+            text = f"{whose} clock had not been set forward by {best_s:.1f} s, {at}"
+            yield text, back(since_s, best_s)
 
 
 def _biases(case: _Case) -> Iterator[tuple[str, _Case]]:
