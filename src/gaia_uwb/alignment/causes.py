@@ -106,13 +106,13 @@ def likely_cause(scene: Scene, offset_s: float = 0.0, max_gap_s: float = 1.0) ->
     if they were centimetres: then scale: 0.01
     """
     case = _Case.of(scene, offset_s, max_gap_s)
-    half_m, n_used = case.half_m()
+    half_m, _ = case.half_m()
     if not _MISFIT_M < half_m < np.inf:
         return None
     best: tuple[float, str] = (min(_FITS_M, _BETTER * half_m), "")
     for said, other in _undone(case):
-        left_m, n_left = other.half_m()
-        if n_left >= _HEARD * n_used and left_m < best[0]:
+        left_m, _ = other.half_m()
+        if left_m < best[0]:
             best = left_m, said
     if not best[1]:
         return None
@@ -207,8 +207,6 @@ def _clocks(case: _Case) -> Iterator[tuple[str, _Case]]:
     best = min((half_m, shift) for shift, (half_m, n) in shifts.items() if n >= least)[1]
     fine = np.linspace(best - 1.0, best + 1.0, 21).tolist()
     best = min((replace(case, offset_s=shift).half_m()[0], shift) for shift in fine)[1]
-    if abs(best - case.offset_s) < 1.0:
-        return
     way = "ahead of" if best > 0 else "behind"
     text = f"the radio's clock were {abs(best):.1f} s {way} the trajectory's"
     if abs(abs(best) - _LEAP_SECONDS) < 0.5:

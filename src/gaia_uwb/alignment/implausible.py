@@ -23,7 +23,6 @@ _FEWEST_READINGS = 8
 _STEEPEST, _LEAST_CLIMB_M = 0.25, 5.0  # the steepest streets rise by a third of their length
 _JUMP_M, _MOST_MPS2 = 2.0, 10.0  # no vehicle accelerates more
 _NEIGHBOURS = 3  # steps before and after a step that tell how fast the vehicle is
-_PAUSE = 3.0  # usual steps: after a longer one nothing is known of the speed
 _BLOCK = 1 << 16
 
 
@@ -135,8 +134,7 @@ def _jumps(drive: Trajectory) -> Iterator[str]:
         near = np.clip(rows[:, None] + window, 0, len(step_s) - 1)
         usual_mps = np.median(velocity_mps[near], axis=1)
         off_m[rows] = np.hypot(*(step_m[rows] - usual_mps * step_s[rows, None]).T)
-    short = step_s <= _PAUSE * np.median(step_s)
-    jumps = np.flatnonzero(short & (off_m > _JUMP_M + _MOST_MPS2 * step_s**2))
+    jumps = np.flatnonzero(off_m > _JUMP_M + _MOST_MPS2 * step_s**2)
     if jumps.size:
         first = int(jumps[0])
         others = counted(len(jumps) - 1, "more place")

@@ -1,10 +1,10 @@
 """Numbers that radios write where they have no range: 0, -1, 65.535 m and the like.
 
 Nothing at or below 0 is a range. A number above 0 is a placeholder if it stands exactly in more
-than 10 % of the readings (of all, or of one anchor) and is no distance that the vehicle can have
-had: the readings jump to it and from it further than the vehicle drives meanwhile, or it is the
-largest of all and stays the same while the vehicle drives on. A parked vehicle repeats its ranges
-without jumps, and so does a radio that counts in whole decimetres.
+than 10 % of an anchor's readings and is no distance that the vehicle can have had: the readings
+jump to it and from it further than the vehicle drives meanwhile, or it is the largest of all and
+stays the same while the vehicle drives on. A parked vehicle repeats its ranges without jumps, and
+so does a radio that counts in whole decimetres.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from gaia_uwb._shared import Array, Bool, Float64, Int64, counted, percent
 from gaia_uwb.logs._table import Table
 
-_SHARE = 0.1  # of the readings, of all or of one anchor's
+_SHARE = 0.1  # of an anchor's readings
 _FEWEST = 10
 _SAMPLE = 50_000  # readings in which repeated numbers are looked for
 _MOST_VALUES = 20
@@ -95,7 +95,7 @@ def _speed_mps(drive: Drive) -> float:
 
 
 def _repeated(anchor: Int64[Array, "R"], range_m: Float64[Array, "R"]) -> Sequence[float]:
-    """Return numbers above 0 that may stand in more than 10 % of the readings."""
+    """Return numbers above 0 that may stand in more than 10 % of an anchor's readings."""
     every = len(range_m) // _SAMPLE + 1
     anchor, range_m = anchor[::every], range_m[::every]
     anchor, range_m = anchor[range_m > 0.0], range_m[range_m > 0.0]
@@ -107,7 +107,6 @@ def _repeated(anchor: Int64[Array, "R"], range_m: Float64[Array, "R"]) -> Sequen
     count = np.diff(np.append(starts, len(order)))
     of_anchor = np.bincount(anchor)
     often = count > _SHARE * of_anchor[anchor[order[starts]]]
-    often |= count > _SHARE * len(range_m)
     often &= count >= 2
     values, index = np.unique(range_m[order[starts[often]]], return_inverse=True)
     total = np.bincount(index, weights=count[often], minlength=len(values))
