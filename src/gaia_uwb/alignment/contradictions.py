@@ -21,7 +21,7 @@ SPIKE_M = 1.0
 
 _PAIRS, _FEWEST_PAIRS = 7, 3  # of readings before, about and after a reading
 _NEAR_M, _STANDS_M = 0.5, 0.1
-_MOST_LOOKED_AT, _MOST_FITTED = 20_000, 40_000  # more would not change a share
+_MOST_LOOKED_AT, _MOST_FITTED = 2_000, 40_000  # more would not change a share
 _FEWEST_READINGS = 8
 _HALF_BEYOND_M = 2.5  # however hard the surroundings, half of a radio's ranges err by less
 _NAMED = 5
@@ -42,9 +42,7 @@ def contradicted_anchors(
         Longest gap of the trajectory that is interpolated, in seconds.
     """
     found: dict[str, tuple[float, float]] = {}
-    order = np.argsort(scene.ranges.anchor, kind="stable")
-    ends = np.cumsum(np.bincount(scene.ranges.anchor, minlength=scene.n_anchors))
-    own = np.split(order, ends[:-1])
+    own = rows_of_anchors(scene)
     every = len(scene.ranges) // _MOST_FITTED + 1
     for block in gather_readings(scene, every=every):
         positive_m = np.where(block.range_m > 0.0, block.range_m, np.nan)
@@ -73,6 +71,13 @@ def contradicted_anchors(
         )
         numbers = {"share": share, "half_beyond_m": half_m}
         yield Reason(ReasonKind.LOG, text, cones=tuple(bad), numbers=numbers)
+
+
+def rows_of_anchors(scene: Scene) -> list[Int64[Array, "K"]]:
+    """Return which rows of a scene's ranges are each anchor's."""
+    order = np.argsort(scene.ranges.anchor, kind="stable")
+    ends = np.cumsum(np.bincount(scene.ranges.anchor, minlength=scene.n_anchors))
+    return np.split(order, ends[:-1])
 
 
 def _contradicted_share(scene: Scene, own: Int64[Array, "K"], offset_s: float) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Float64, counted, metres
 from gaia_uwb.alignment.causes import biased_anchors, likely_cause
-from gaia_uwb.alignment.contradictions import contradicted_anchors
+from gaia_uwb.alignment.contradictions import contradicted_anchors, rows_of_anchors
 from gaia_uwb.estimate import Reason, ReasonKind
 from gaia_uwb.scene import Scene, Trajectory
 
@@ -92,12 +92,11 @@ def _height_gap(scene: Scene) -> Iterator[str]:
     if tag_up_m is None or anchor_up_m is None or not np.isfinite(anchor_up_m).any():
         return
     gap_m = anchor_up_m - float(np.median(tag_up_m))
-    log = scene.ranges
     impossible = np.zeros(scene.n_anchors, np.bool_)
-    for n in np.flatnonzero(np.abs(gap_m) > _SLACK_M):
-        range_m = log.range_m[log.anchor == n]
-        if len(range_m) >= _FEWEST_READINGS:
-            impossible[n] = abs(gap_m[n]) > np.quantile(range_m, 0.05) + _SLACK_M
+    for n, rows in enumerate(rows_of_anchors(scene)):
+        if len(rows) >= _FEWEST_READINGS:
+            nearest_m = np.quantile(scene.ranges.range_m[rows], 0.05)
+            impossible[n] = abs(gap_m[n]) > nearest_m + _SLACK_M
     usual_m = float(np.nanmedian(gap_m))
     if abs(usual_m) > _HIGHEST_GAP_M or impossible.mean() > 0.5:
         where = "above" if usual_m > 0 else "below"
