@@ -69,7 +69,7 @@ def write_part(folder: Path, name: str, start: int, n: int = 20) -> None:
         log.point("/pose", t_s, float(start + k), 0.0)
         header = log.header(t_s)
         log.add(
-            "/uwb", "acme_uwb/msg/Range", t_s, header=header, anchor_id="A", range=9.0, rssi=0.0
+            "/uwb", "acme_uwb/msg/Range", t_s, header=header, anchor_id="A", range=9.0 + k, rssi=0.0
         )
     shutil.move(log.close(), folder / name)
     shutil.rmtree(folder / "made")

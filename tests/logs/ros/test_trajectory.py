@@ -40,7 +40,7 @@ def write_tree(folder: Path, kind: str = "mcap", extra: str = "wheel") -> Path:
         log.add("/tf", TREE, t_s, transforms=links)
         header = log.header(t_s)
         if kind != "bag":
-            log.add("/uwb", VENDOR, t_s, header=header, anchor_id="A", range=9.0, rssi=-80.0)
+            log.add("/uwb", VENDOR, t_s, header=header, anchor_id="A", range=9.0 + k, rssi=-80.0)
     return log.close()
 
 
