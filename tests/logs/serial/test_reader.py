@@ -163,8 +163,8 @@ def test_lines_that_give_nothing_are_counted(tmp_path: Path) -> None:
     table, notes = read_serial(path)
     assert table["t_s"].tolist() == [1, 1, 2, 2]
     assert notes[1:] == [
+        "tag.log: skipped 1 broken line, the first is line 3; 1 after no stamp but 'then '",
         "tag.log: skipped 1 line without a stamp",
-        "tag.log: skipped 1 line with a stamp of another form, the first is line 3: 'then '",
     ]
 
 

@@ -142,15 +142,14 @@ class Topics:
                     if stamp is not None and not times.check(number, t_s, received_s):
                         continue
                     if add(number, content, t_s):
-                        break
+                        return
                 except InputError:
                     raise
                 except Exception as error:  # a damaged message may upset rosbags in any way
                     reason = " ".join(str(error).split())[:160] or type(error).__name__
                     topic = message.channel.topic
                     raise self.error(topic, f"cannot be read: {reason}", number) from error
-            else:
-                end_s = received_s if number else None
+            end_s = received_s if number else None
             self._note_file(bag)
 
     def timed(self, table: LogTable, times: MessageTimes) -> LogTable:

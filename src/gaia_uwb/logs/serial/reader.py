@@ -246,17 +246,15 @@ def _notes(path: Path, count: _Count, stamps: Stamps) -> list[str]:
     notes = []
     if stamps.first_day is not None:
         notes.append(f"{path.name}: first day {stamps.first_day}, from the trajectory")
-    if count.n_broken:
-        broken = counted(count.n_broken, "broken line")
-        notes.append(f"{path.name}: skipped {broken}, the first is line {count.first_broken}")
+    if count.n_broken or count.n_other_stamp:
+        number, stamp = count.other_stamp
+        first = min(filter(None, (count.first_broken, number)))
+        broken = counted(count.n_broken + count.n_other_stamp, "broken line")
+        form = f"; {count.n_other_stamp:,} after no stamp but {shown(stamp[:60])}" if stamp else ""
+        notes.append(f"{path.name}: skipped {broken}, the first is line {first}{form}")
     if count.n_without_stamp:
         lines = counted(count.n_without_stamp, "line")
         notes.append(f"{path.name}: skipped {lines} without a stamp")
-    if count.n_other_stamp:
-        number, stamp = count.other_stamp
-        lines = counted(count.n_other_stamp, "line")
-        form = f"a stamp of another form, the first is line {number}: {shown(stamp[:60])}"
-        notes.append(f"{path.name}: skipped {lines} with {form}")
     if count.n_left_out:
         readings = counted(count.n_left_out, "reading")
         notes.append(f"{path.name}: skipped {readings} of other tags")
