@@ -5,6 +5,7 @@ import sqlite3
 from pathlib import Path
 
 import pytest
+from rosbags.rosbag2 import CompressionFormat, CompressionMode
 
 from bags import START_S, Log, write_drive
 from gaia_uwb._shared.errors import InputError
@@ -119,6 +120,13 @@ def test_the_only_file_of_a_folder_is_its_log(tmp_path: Path) -> None:
     empty.mkdir()
     with pytest.raises(InputError, match=r"has no metadata\.yaml, and .*: none"):
         RosLog(empty)
+
+
+def test_messages_that_are_packed_are_read_without_a_description(tmp_path: Path) -> None:
+    packed = (CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    for kind, ending in (("folder-sqlite3", "db3"), ("folder-mcap", "mcap")):
+        folder = write_drive(tmp_path / kind, kind, packed)
+        assert len(RosLog(next(folder.glob(f"*.{ending}"))).ranges()) == 120
 
 
 def test_a_bag_that_is_still_active_is_read(tmp_path: Path) -> None:

@@ -63,6 +63,17 @@ def test_what_moves_in_what_is_not_guessed_where_it_is_unclear(links: list) -> N
     assert tree(*links).guess() is None
 
 
+def test_the_map_seen_from_the_vehicle_is_turned_round() -> None:
+    # At the time k the vehicle is at (2, k), looking to the left; so the map is at (-k, 2).
+    rows = [(0.1 * k, -float(k), 2.0, 0.0, 0.0, 0.0, -(0.5**0.5), 0.5**0.5) for k in range(9)]
+    transforms = tree(("base", "map", rows), ("base", "tag", [(0.0, 1.0, 0.0, 0.0, *NO_TURN)]))
+    assert transforms.guess() == Link("map", "base")
+    for child, ahead in (("base", 0), ("tag", 1)):
+        path = transforms.path(Link("map", child))
+        assert path is not None
+        np.testing.assert_allclose(path[0][:, 1:3], [[2, k + ahead] for k in range(9)], atol=1e-12)
+
+
 def test_no_chain_no_path() -> None:
     transforms = tree(("map", "base", drive()), ("base", "map", drive()))
     for parent, child in (("base", "laser"), ("world", "base"), ("map", "map")):

@@ -196,6 +196,20 @@ def test_numbers_that_are_missing_are_left_out_before_they_are_scaled(tmp_path: 
     assert "/uwb: skipped 6 readings of 0, 65535, which stand for no range" in log.notes
 
 
+@pytest.mark.parametrize(
+    ("field", "metres"),
+    [("float32 distanceInMm", 1.5), ("uint16 dist_cm", 15.0), ("float64 range_meters", 1500.0)],
+)
+def test_a_name_that_ends_in_the_unit_is_scaled(tmp_path: Path, field: str, metres: float) -> None:
+    name = field.split()[1]
+
+    def fill(log: Log, k: int) -> dict[str, Any]:
+        return {"anchor": f"A{k % 2}", name: 1500}
+
+    table = RosLog(write(tmp_path, f"string anchor\n{field}\n", fill)).ranges()
+    assert table["range_m"][0] == pytest.approx(metres)
+
+
 def test_whole_numbers_without_a_unit_are_not_guessed(tmp_path: Path) -> None:
     def fill(log: Log, k: int) -> dict[str, Any]:
         return {"anchorId": k % 2, "range": 1000 + k}

@@ -33,6 +33,7 @@ def test_the_mask_says_which_anchors_answered() -> None:
 def test_boards_with_more_ranges_and_a_checksum() -> None:
     more = MC.replace("00000fa0", "00000fa0 00001388 ffffffff ffffffff") + " 22be"
     assert ranges(more.replace("mc 0b", "mc 18")) == [("3", 4000.0), ("4", 5000.0)]
+    assert ranges(MC.upper()) == ranges(MC.replace(" ", "  ")) == ranges(MC)
     assert ranges(MC.replace("00a0642b", "0").replace("a0:", "t0:")) == ranges(MC)
 
 

@@ -17,17 +17,15 @@ from gaia_uwb.logs.bags.names import (
     RSSI_FP,
     SEQUENCE,
     SINGLE,
-    UNITS_M,
     WHOLE,
     end_of,
+    find_range,
     first,
     ids_of,
     plain,
+    unit_of,
 )
 from gaia_uwb.logs.bags.types import Fields
-
-_NAMES = [f"{name}{unit}" for unit in UNITS_M for name in RANGES]
-_NAMES = [*RANGES, *(name for name in _NAMES if name not in RANGES)]
 
 _LINKTRACK_ARRAY = "disarr"  # of Nooploop's tag frames: eight ranges, the place is the anchor
 
@@ -69,7 +67,7 @@ def hint_ranges(types: Fields, msgtype: str) -> str:
         if kind in (ARRAY, SEQUENCE) and content[0][0] == MESSAGE:
             scopes.append((f"each: {name}, ", content[0][1]))
     for each, inner in scopes:
-        ids, whole = ids_of(types, inner), first(_of(types, inner, WHOLE), _NAMES)
+        ids, whole = ids_of(types, inner), find_range(_of(types, inner, WHOLE))
         if ids and whole:
             fields = f"fields: {{{each}anchor: {ids[0]}, range: {whole}, scale: 0.001}}"
             return f"{whole} is a whole number of unknown unit; if of millimetres, set {fields}"
@@ -90,16 +88,14 @@ def _guess_flat(types: Fields, msgtype: str, each: str | None) -> FieldMap | Non
     """Look for an id and a range, both single values, among a type's own fields."""
     ids = ids_of(types, msgtype)
     floats, whole = _of(types, msgtype, FLOATS), _of(types, msgtype, WHOLE)
-    numbers = floats + [name for name in whole if plain(name).endswith(("mm", "cm"))]
-    range_ = first(numbers, _NAMES)
+    range_ = find_range(floats + [name for name in whole if unit_of(name)])
     if not ids or range_ is None or all(end_of(name) == "tag" for name in ids):
         return None
-    unit = next((unit for unit in ("mm", "cm") if plain(range_).endswith(unit)), "")
     return FieldMap(
         each=each,
         anchor=next(name for name in ids if end_of(name) != "tag"),
         range=range_,
-        scale=UNITS_M[unit],
+        scale=unit_of(range_) or 1.0,
         rssi=first(floats, RSSI),
         rssi_fp=first(floats, RSSI_FP),
     )

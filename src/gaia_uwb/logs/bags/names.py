@@ -34,8 +34,7 @@ _END = re.compile(
 RANGES = ("range", "distance", "dist", "dis", "slantrange", "measureddistance", "measuredrange")
 """Names of a range, plain, the likeliest first."""
 
-UNITS_M = {"m": 1.0, "mm": 0.001, "cm": 0.01, "": 1.0}
-"""Metres per unit, by the ending of a range's name."""
+_UNITS_M = {"m": 1.0, "meters": 1.0, "metres": 1.0, "mm": 0.001, "cm": 0.01}
 
 RANGE_ARRAYS = ("ranges", "distances", "dists", "disarr", "distarr", "rangearr", "distancearray")
 """Names of an array of ranges."""
@@ -74,6 +73,28 @@ def end_of(name: str) -> End | None:
     if match is None:
         return "either" if word in _GENERIC else None
     return "anchor" if match["anchor"] else "tag" if match["tag"] else "either"
+
+
+def unit_of(name: str) -> float | None:
+    """Return the metres per unit that a range's name ends in; ``None`` if it names none.
+
+    Examples
+    --------
+    >>> unit_of("range_mm"), unit_of("distanceInCm"), unit_of("range")
+    (0.001, 0.01, None)
+    """
+    word = plain(name)
+    for base in RANGES:
+        ending = word.removeprefix(base).removeprefix("in")
+        if word.startswith(base) and ending in _UNITS_M:
+            return _UNITS_M[ending]
+    return None
+
+
+def find_range(names: Iterable[str]) -> str | None:
+    """Return the name that is the likeliest to be a range's: the plain ones come first."""
+    some = list(names)
+    return first(some, RANGES) or next((name for name in some if unit_of(name)), None)
 
 
 def is_role(name: str) -> bool:

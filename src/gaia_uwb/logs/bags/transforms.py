@@ -7,6 +7,7 @@ then a chain, such as map -> odom -> base_link, of which some links move and oth
 from __future__ import annotations
 
 from array import array
+from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -17,6 +18,8 @@ from gaia_uwb.logs._table import MAX_ROWS
 
 _MOST_LINKS = 1000
 _MOVES_M = 0.5
+_STANDING = {"map", "odom", "world", "earth", "global", "site"}
+_OPPOSITE = np.array([-1.0, -1.0, -1.0, 1.0])  # a quaternion times this turns back
 _WIDTH = 9  # time, place, quaternion, number of the message
 
 
@@ -25,6 +28,13 @@ class Link(NamedTuple):
 
     parent: str
     child: str
+
+
+class _Step(NamedTuple):
+    """A link on the way from a parent to a child; upward if it is passed from its child."""
+
+    link: Link
+    upward: bool
 
 
 class Transforms:
@@ -75,15 +85,22 @@ class Transforms:
         ]
 
     def guess(self) -> Link | None:
-        """Return the frames of the only chain in which something moves; ``None`` if unclear."""
+        """Return the frames of the only chain in which something moves; ``None`` if unclear.
+
+        Some programs publish where the map is, seen from the vehicle: then the names decide.
+        """
         moving = self.moving()
         parents, children = {link.parent for link in moving}, {link.child for link in moving}
         tops, ends = parents - children, children - parents
         if len(tops) != 1 or len(ends) != 1:
             return None
         found = Link(tops.pop(), ends.pop())
+        if found.child in _STANDING and found.parent not in _STANDING:
+            found = Link(found.child, found.parent)
         chain = self._chain(found)
-        return found if chain is not None and set(moving) <= set(chain) else None
+        if chain is None or not set(moving) <= {step.link for step in chain}:
+            return None
+        return found
 
     def path(self, wanted: Link) -> tuple[Float64[Array, "R 4"], Array] | None:
         """Return where a frame was in another.
@@ -91,7 +108,7 @@ class Transforms:
         Parameters
         ----------
         wanted
-            The frames; the child may be any number of links below the parent.
+            The frames; there may be any number of links between them.
 
         Returns
         -------
@@ -101,37 +118,42 @@ class Transforms:
         (R,) array
             Numbers of the messages.
         None
-            If there is no chain from parent to child.
+            If no chain of links leads from parent to child.
         """
         chain = self._chain(Link(wanted.parent.lstrip("/"), wanted.child.lstrip("/")))
         if chain is None:
             return None
-        tables = [self._rows(link) for link in chain]
+        tables = [self._rows(step.link) for step in chain]
         leading = max(range(len(chain)), key=lambda k: len(tables[k]))
         t_s = tables[leading][:, 0]
         numbers = tables[leading][:, -1].astype(np.int64)
         known = np.ones(len(t_s), np.bool_)
         position = np.zeros((len(t_s), 3))
-        for table in reversed(tables):
+        for step, table in zip(reversed(chain), reversed(tables), strict=True):
             place, turn, inside = _at(table, t_s)
-            position = place + _turned(position, turn)
+            if step.upward:
+                position = _turned(position - place, turn * _OPPOSITE)
+            else:
+                position = place + _turned(position, turn)
             known &= inside
         return np.column_stack([t_s, position])[known], numbers[known]
 
-    def _chain(self, wanted: Link) -> list[Link] | None:
-        """Return the links from a parent down to a child."""
-        above: dict[str, list[Link]] = {}
+    def _chain(self, wanted: Link) -> list[_Step] | None:
+        """Return the shortest way from a parent to a child."""
+        beside: dict[str, list[_Step]] = {}
         for link in self._links:
-            above.setdefault(link.child, []).append(link)
-        queue, seen = [(wanted.child, list[Link]())], {wanted.child}
+            beside.setdefault(link.child, []).append(_Step(link, upward=False))
+            beside.setdefault(link.parent, []).append(_Step(link, upward=True))
+        queue, seen = deque([(wanted.child, list[_Step]())]), {wanted.child}
         while queue:
-            frame, chain = queue.pop(0)
+            frame, chain = queue.popleft()
             if frame == wanted.parent and chain:
                 return chain
-            for link in above.get(frame, []):
-                if link.parent not in seen:
-                    seen.add(link.parent)
-                    queue.append((link.parent, [link, *chain]))
+            for step in beside.get(frame, []):
+                onward = step.link.child if step.upward else step.link.parent
+                if onward not in seen:
+                    seen.add(onward)
+                    queue.append((onward, [step, *chain]))
         return None
 
     def _rows(self, link: Link) -> Float64[Array, "R 9"]:

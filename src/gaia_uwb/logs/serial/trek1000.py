@@ -15,9 +15,9 @@ import re
 from gaia_uwb.logs.serial.device import Device, SerialReading
 
 _LINE = re.compile(
-    r"m([rc]) ([0-9a-f]{2}) ((?:[0-9a-f]{8} +){3,8})[0-9a-f]{4} [0-9a-f]{2} [0-9a-f]{1,8} "
-    r"[at](\d{1,3}):\d{1,3}(?: [0-9a-f]{1,8})?",
-    re.ASCII,
+    r"m([rc]) +([0-9a-f]{2}) +((?:[0-9a-f]{8} +){3,8})[0-9a-f]{4} +[0-9a-f]{2} +[0-9a-f]{1,8} +"
+    r"[at](\d{1,3}):\d{1,3}(?: +[0-9a-f]{1,8})?",
+    re.ASCII | re.IGNORECASE,
 )
 _LONGEST_MM = 2**31  # what is above is a negative number, or no range
 
@@ -29,7 +29,7 @@ class Trek1000(Device):
     lines = "'mc' or 'mr' lines (mc MASK RANGE0 RANGE1 ... aT:A)"
     taken = "anchor: a range's place in the line (from 0), range: hexadecimal millimetres"
     metres = 0.001
-    start = re.compile(r"\bm[rc] [0-9a-f]", re.ASCII)
+    start = re.compile(r"\bm[rc] +[0-9a-f]", re.ASCII | re.IGNORECASE)
     tag_words = ("tag_id",)
 
     def read(self, content: str) -> list[SerialReading] | None:
@@ -50,6 +50,6 @@ class Trek1000(Device):
             return None
         heard = [k for k, value in enumerate(values) if mask >> k & 1 and 0 < value < _LONGEST_MM]
         return [
-            SerialReading(str(k), float(values[k]), tag_id=line[4], raw=line[1] == "r")
+            SerialReading(str(k), float(values[k]), tag_id=line[4], raw=line[1] in "rR")
             for k in heard
         ]
