@@ -217,6 +217,13 @@ def test_a_track_that_is_cut_off_is_read_up_to_there(tmp_path: Path) -> None:
     assert notes == ["drive.log: is cut off in line 35: read up to there"]
 
 
+def test_what_extensions_say_is_not_taken(tmp_path: Path) -> None:
+    more = "<extensions><ele>9</ele><x:time xmlns:x='x'>1</x:time></extensions></trkpt>"
+    table, notes = read_gpx(write(tmp_path, good.gpx().replace("</trkpt>", more)))
+    assert table["alt_m"].tolist() == pytest.approx(EARTH[:, 3], abs=0.01)
+    assert notes == []
+
+
 def test_points_without_time_or_place_are_counted(tmp_path: Path) -> None:
     lines = good.gpx().splitlines(keepends=True)
     lines[4] = lines[4].replace("<time>", "<!--").replace("</time>", "-->")

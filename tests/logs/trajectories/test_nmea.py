@@ -130,6 +130,7 @@ def test_the_best_fix_counts_by_host_stamps_too(tmp_path: Path) -> None:
     [
         ([rmc("115958.00", "V", "060180")], [rmc()], "date 2026-01-01 from RMC"),
         ([rmc("115958.00", "V", "311225")], [rmc()], "date 2026-01-01 from RMC"),
+        ([rmc("115958.00")], [rmc(date="190846")], "date 2026-01-01 from RMC"),  # the first counts
         ([sentence("GPZDA,115959.00,01,06,2013,00,00")], [rmc()], "date 2026-01-01 from RMC"),
         ([], [sentence("GPZDA,120000.00,01,01,2026,00,00")], "date 2026-01-01 from ZDA"),
         ([sentence("GPZDA,115959.00,01,01,2026,,")], [], "date 2026-01-01 from ZDA before the fix"),
