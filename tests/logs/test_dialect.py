@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from gaia_uwb._shared.errors import InputError
 from gaia_uwb.logs._cells import Kind
@@ -20,7 +21,7 @@ def write(folder: Path, content: str | bytes, encoding: str = "utf-8") -> Path:
     return path
 
 
-def rows(table: Table) -> list[tuple[float, float, str]]:
+def rows_of(table: Table) -> list[tuple[float, float, str]]:
     who = [table.labels["who"][code] for code in table["who"]]
     return list(zip(table["t"].tolist(), table["east"].tolist(), who, strict=True))
 
@@ -51,7 +52,7 @@ def test_what_spreadsheets_and_loggers_write(
 ) -> None:
     path = write(tmp_path, content, encoding)
     table = read_table(path, KINDS)
-    assert rows(table) == ROWS
+    assert rows_of(table) == ROWS
     assert note in "".join(table.remarks)
     assert bool(note) == bool(table.remarks)
 
@@ -61,7 +62,7 @@ def test_any_number_of_blanks_and_a_name_in_a_comment(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"row 6, column t: expected a finite number, got 'x'"):
         read_table(path, KINDS)
     table = read_table(write(tmp_path, path.read_bytes().replace(b"\nx 3 c", b"")), KINDS)
-    assert rows(table) == [(0.5, -1.25, "a"), (1.0, 2.0, "b")]
+    assert rows_of(table) == [(0.5, -1.25, "a"), (1.0, 2.0, "b")]
     assert table.remarks == ("log.csv: read with blanks between the columns",)
     assert str(table.error("is odd", index=1)) == f"{path}, row 5: is odd"
 
@@ -123,3 +124,35 @@ def test_a_pipe_does_not_hang(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "log.csv")
     with pytest.raises(InputError, match="is not a regular file"):
         read_table(tmp_path / "log.csv", KINDS)
+
+
+NUMBERS = st.floats(-1e6, 1e6).map(lambda number: round(number, 3))
+WORDS = st.text("abcXYZ01-_", min_size=1, max_size=6)
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    rows=st.lists(st.tuples(NUMBERS, NUMBERS, WORDS), min_size=1, max_size=8),
+    separator=st.sampled_from([",", ";", "\t", " ", "   "]),
+    comma=st.booleans(),
+    encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16"]),
+    line_end=st.sampled_from(["\n", "\r\n", "\r"]),
+    head=st.sampled_from(["", "# made by us\n", "# made by us\n#", "\n"]),
+)
+def test_whatever_the_dialect_the_table_is_the_same(
+    tmp_path: Path,
+    rows: list[tuple[float, float, str]],
+    separator: str,
+    comma: bool,
+    encoding: str,
+    line_end: str,
+    head: str,
+) -> None:
+    lines = [separator.join(("t", "east", "who"))]
+    for t, east, who in rows:
+        numbers = [f"{t:.3f}", f"{east:.3f}"]
+        if comma and separator != ",":
+            numbers = [number.replace(".", ",") for number in numbers]
+        lines.append(separator.join((*numbers, who)))
+    text = (head + "\n".join(lines) + "\n").replace("\n", line_end)
+    assert rows_of(read_table(write(tmp_path, text, encoding), KINDS)) == rows
