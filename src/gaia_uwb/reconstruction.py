@@ -132,6 +132,7 @@ class Reconstruction:
             f"{self.status.value}: {len(located)} of {len(self.anchors)} cones located, "
             f"boundary {self.boundary.status.value}, {self.boundary.area_m2:.1f} m²",
             *map(str, self.reasons),
+            *(f"note: {note}" for note in self.notes),
         ]
         marks = [
             Mark(a.anchor_id, a.position_m, a.covariance_m2, good=a.status is AnchorStatus.OK)

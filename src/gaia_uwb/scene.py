@@ -308,6 +308,8 @@ class Scene:
             f"{drive.path_length_m:.1f} m long",
             f"{len(log)} readings of {self.n_anchors} cones, "
             f"{'tied to WGS84' if self.frame else 'in local metres'}",
+            *self.problems,
+            *(f"note: {note}" for note in self.notes),
         ]
         rows = []
         for n, anchor_id in enumerate(self.anchor_ids):

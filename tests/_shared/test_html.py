@@ -101,6 +101,16 @@ def test_scene_and_episode_say_what_they_hold() -> None:
     assert texts[at + 1 : at + 3] == ["180", "90%"]
 
 
+def test_a_notebook_shows_what_the_reader_noted_and_found() -> None:
+    scene = simulate_pass(PRESETS["lane-closure"], seed=0)
+    noted = replace(scene, notes=("u.csv: <i>3</i> rows skipped",), problems=("u.csv: no clock",))
+    texts = Seen(noted._repr_html_()).texts
+    assert {"note: u.csv: <i>3</i> rows skipped", "u.csv: no clock"} <= set(texts)
+    plain = make_reconstruction()
+    result = replace(plain, episode=replace(plain.episode, notes=("no frame",)))
+    assert "note: no frame" in Seen(result._repr_html_()).texts
+
+
 def test_anchor_without_any_reading() -> None:
     scene = simulate_pass(PRESETS["lane-closure"], seed=0).without_truth()
     more = replace(scene, anchor_ids=(*scene.anchor_ids, "silent"), anchor_up_m=None)

@@ -53,6 +53,16 @@ def test_several_logs_of_one_drive(tmp_path: Path) -> None:
     )
 
 
+def test_columns_of_which_nothing_was_taken_are_noted(tmp_path: Path) -> None:
+    """One file may hold path and ranges: what one of them uses is not ignored."""
+    columns = {"t_s": "t", "anchor_id": "id", "range_m": "d"}
+    ranges = {"file": "drive.csv", "format": "csv", "columns": columns}
+    folder = write(tmp_path / "pass", {**CSV, "ranges": [ranges]})
+    rows = "t,x,y,id,d,hdop,temp\n0,0,0,A,7,1,20\n1,5,0,A,8,1,20\n2,10,0,B,9,1,21\n"
+    (folder / "drive.csv").write_text(rows, encoding="utf-8")
+    assert read_described(folder)[1] == ("drive.csv: ignored columns: hdop, temp",)
+
+
 def test_lever_arm_anchors_and_name(tmp_path: Path) -> None:
     more = {"name": "x", "anchors": "anchors.csv", "lever_arm": {"forward_m": 2.0, "left_m": -1.0}}
     folder = write(tmp_path / "pass", {**CSV, **more})

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +46,7 @@ from gaia_uwb.scene import LocalFrame, Scene, Trajectory
 
 _DATED_S = 10 * DAY_S  # times from which on count from 1970, not from midnight or from a start
 _QUOTED = re.compile("['\"`].*['\"`]", re.DOTALL)
+_NAMED = 10  # columns in one note
 
 
 def is_described(path: Path) -> bool:
@@ -145,6 +146,7 @@ class _Reader:
         self._shown = shown
         self._notes: list[str] = []
         self._problems: list[str] = []
+        self._unused: dict[Path, tuple[str, ...]] = {}  # columns of a file
         self._logs: dict[tuple[Path, str | None], RosLog] = {}
 
     def scene(self) -> tuple[Scene, tuple[str, ...]]:
@@ -166,10 +168,17 @@ class _Reader:
             anchor_up_m=anchors.up_m,
             frame=frame,
             truth=make_truth(ranges, order, anchors, None),
-            notes=tuple(dict.fromkeys(self._notes)),
+            notes=(*dict.fromkeys(self._notes), *self._ignored()),
             problems=tuple(self._problems),
         )
         return scene, scene.notes
+
+    def _ignored(self) -> Iterator[str]:
+        """Yield which columns of the files nothing was taken from."""
+        for path, names in self._unused.items():
+            if names:
+                more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+                yield f"{path.name}: ignored columns: {', '.join(names[:_NAMED])}{more}"
 
     def _drive(self) -> LogTable:
         given = self._description.trajectory
@@ -236,6 +245,9 @@ class _Reader:
     def _tidy(self, table: LogTable, *, merged: bool = False) -> LogTable:
         """Return the rows in the order of time, and remember what was noted and found."""
         tidied = tidy(table, merged=merged)
+        if not merged:  # one file may hold both the trajectory and the ranges
+            before = self._unused.get(table.path, table.unknown)
+            self._unused[table.path] = tuple(name for name in before if name in table.unknown)
         self._notes += tidied.notes
         self._problems += tidied.problems
         return tidied.table
