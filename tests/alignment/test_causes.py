@@ -75,6 +75,17 @@ def test_a_clock_that_was_set_forward(whose: str) -> None:
     assert said.endswith(", 31.2 s after its start")
 
 
+def test_a_clock_that_was_set_back_while_nothing_was_recorded() -> None:
+    scene = make_scene()
+    log = scene.ranges
+    heard = (log.t_s < 20.0) | (log.t_s > 28.0)
+    t_s = np.where(log.t_s > 28.0, log.t_s - 5.0, log.t_s)[heard]
+    kept = RangeLog(t_s, log.anchor[heard], log.range_m[heard])
+    said = cause(replace(scene, ranges=kept))
+    assert said.startswith("the radio's clock had not been set back by ")
+    assert float(said.split("by ")[1].split()[0]) == pytest.approx(5.0, abs=0.2)
+
+
 def test_a_gap_alone_is_no_step() -> None:
     scene = make_scene()
     log = scene.ranges

@@ -24,7 +24,8 @@ _HEARD = 0.6  # of the readings have a pose under another clock offset as well
 _UNITS = ((0.01, "centimetres"), (0.001, "millimetres"), (0.1, "decimetres"), (0.3048, "feet"))
 _CLOCK_S, _CLOCK_STEP_S = 40.0, 1.0
 _LEAP_SECONDS = 18.0  # GPS time minus UTC since 2017
-_MOST_GAPS, _LONG_GAP, _LEAST_STEP_S, _STEPS = 3, 5.0, 0.5, 40
+_MOST_GAPS, _LONG_GAP, _LEAST_STEP_S = 3, 5.0, 0.5
+_MOST_BACK_S, _NEAR_STEP_S, _STEPS = 10.0, 0.1, 40
 _BIASES = 40
 _OWN_BIASES_M = np.arange(-1.0, 3.01, 0.2)
 _FEWEST_ANCHORS = 3
@@ -174,7 +175,7 @@ def _undone(case: _Case) -> Iterator[tuple[str, _Case]]:
     yield from _swapped(case)
     yield from _heights(case)
     yield from _clocks(case)
-    yield from _set_forward(case)
+    yield from _set_in_a_gap(case)
     yield from _biases(case)
 
 
@@ -214,8 +215,8 @@ def _clocks(case: _Case) -> Iterator[tuple[str, _Case]]:
     yield text, replace(case, offset_s=best)
 
 
-def _set_forward(case: _Case) -> Iterator[tuple[str, _Case]]:
-    """Undo a step of one of the clocks, which leaves a gap of at least its size."""
+def _set_in_a_gap(case: _Case) -> Iterator[tuple[str, _Case]]:
+    """Undo a step of one of the clocks: forward leaves a gap, back may hide in one."""
     drive, log_s = case.scene.trajectory, case.scene.ranges.t_s
 
     def ranges_back(since_s: float, step_s: float) -> _Case:
@@ -239,10 +240,16 @@ def _set_forward(case: _Case) -> Iterator[tuple[str, _Case]]:
             since_s, most_s = float(times_s[k + 1]), float(gap_s[k]) - 0.5 * usual_s
             if most_s < max(_LEAST_STEP_S, _LONG_GAP * usual_s):
                 continue
-            steps_s = np.linspace(most_s / _STEPS, most_s, _STEPS).tolist()
-            best_s = min((back(since_s, step_s).half_m()[0], step_s) for step_s in steps_s)[1]
+            best_s, reach_s = 0.0, _MOST_BACK_S + most_s
+            steps_s = np.linspace(-_MOST_BACK_S, most_s, _STEPS)
+            while reach_s > _NEAR_STEP_S:
+                best_s = min((back(since_s, float(s)).half_m()[0], float(s)) for s in steps_s)[1]
+                reach_s *= 4.0 / _STEPS
+                steps_s = np.linspace(best_s - reach_s / 2, best_s + reach_s / 2, _STEPS)
+                steps_s = np.minimum(steps_s, most_s)
+            way = "forward" if best_s > 0 else "back"
             at = f"{since_s - float(times_s[0]):.1f} s after its start"
-            text = f"{whose} clock had not been set forward by {best_s:.1f} s, {at}"
+            text = f"{whose} clock had not been set {way} by {abs(best_s):.1f} s, {at}"
             yield text, back(since_s, best_s)
 
 
