@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +94,20 @@ def test_another_trajectory_comes_before_the_tree(tmp_path: Path) -> None:
     assert "east_m" in RosLog(path).trajectory(frames=Link("a", "b"))
     with pytest.raises(InputError, match="topic /fix: has no frames to choose from"):
         RosLog(path).trajectory("/fix", frames=Link("a", "b"))
+
+
+def test_a_topic_without_messages_is_no_trajectory(tmp_path: Path) -> None:
+    log = Log(tmp_path, "folder-sqlite3")
+    log.fix("/fix", START_S, 37.0, 127.0)
+    for k in range(9):
+        link = transform(log, START_S + k, "a", "b", 1.0 * k)
+        log.add("/tf", TREE, START_S + k, transforms=[link])
+    path = log.close()
+    with closing(sqlite3.connect(next(path.glob("*.db3")))) as database:
+        key = database.execute("SELECT id FROM topics WHERE name = '/fix'").fetchone()[0]
+        database.execute("DELETE FROM messages WHERE topic_id = ?", (key,))
+        database.commit()
+    assert len(RosLog(path).trajectory()) == 9
 
 
 def test_a_log_without_a_trajectory_says_what_one_is(tmp_path: Path) -> None:

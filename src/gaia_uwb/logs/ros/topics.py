@@ -79,7 +79,7 @@ class Topics:
     def filled(self, candidates: Iterable[Topic]) -> list[Topic]:
         """Return the topics that have messages; all of them, if none has."""
         some = list(candidates)
-        return [t for t in some if t.bag.counts.get(t.channel.key, 1)] or some
+        return [t for t in some if has_messages(t)] or some
 
     def choose(
         self, candidates: Iterable[Topic], what: str, *, hint: str = "", several: str = ""
@@ -203,6 +203,12 @@ class Topics:
     def _listed_topics(self, topics: Sequence[Topic]) -> str:
         some = dict.fromkeys(_describe(topic) for topic in topics)
         return ", ".join(list(some)[:20]) or "none"
+
+
+def has_messages(topic: Topic) -> bool:
+    """Tell whether a topic has messages, as far as the file says so."""
+    counts = topic.bag.counts
+    return not counts or counts.get(topic.channel.key, 0) > 0
 
 
 def _describe(topic: Topic) -> str:

@@ -13,7 +13,7 @@ from gaia_uwb._shared import counted
 from gaia_uwb.logs._logs import LogRows, LogTable
 from gaia_uwb.logs.bags import Link, Transforms, getter
 from gaia_uwb.logs.ros.times import Clock, MessageTimes, seconds_of
-from gaia_uwb.logs.ros.topics import HOW, Topic, Topics
+from gaia_uwb.logs.ros.topics import HOW, Topic, Topics, has_messages
 
 _EARTH = ("sensor_msgs/msg/NavSatFix",)
 _PLACES = {
@@ -58,7 +58,7 @@ def _choose(log: Topics, frames: Link | None) -> str:
     trees = [t for t in log.all if t.channel.msgtype in _TRANSFORMS]
     trees = [t for t in trees if not t.channel.topic.endswith(_STATIC)]
     fitting = [t for t in log.all if t.channel.msgtype in {*_EARTH, *_PLACES}]
-    if (frames is not None or not fitting) and trees:
+    if trees and (frames is not None or not any(map(has_messages, fitting))):
         fitting = trees
     return log.choose(fitting, "trajectory", hint=_known())
 
