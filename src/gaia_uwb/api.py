@@ -12,7 +12,7 @@ name comes before a folder of that name; ``./sim`` is the folder.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from gaia_uwb import pipeline
@@ -180,7 +180,10 @@ def load_scenes(source: str | Path, *, data_dir: Path | None = None) -> list[Sce
 
 
 def load_readable(
-    source: str, *, data_dir: Path | None = None
+    source: str,
+    *,
+    data_dir: Path | None = None,
+    each: Callable[[Sequence[Path]], Iterator[Path]] = iter,
 ) -> tuple[list[Scene], list[tuple[Path, Exception]]]:
     """Load the readable logs in a folder, and return the errors of the others with them.
 
@@ -188,6 +191,8 @@ def load_readable(
     ----------
     source, data_dir
         Like :func:`load_scenes`.
+    each
+        Goes through the logs; a progress bar may stand here.
 
     Returns
     -------
@@ -206,7 +211,7 @@ def load_readable(
         return load_scenes(source, data_dir=data_dir), []
     scenes: list[Scene] = []
     errors: list[tuple[Path, Exception]] = []
-    for path in logs_of(source):
+    for path in each(logs_of(source)):
         try:
             scenes.append(read_log(path))
         except Exception as error:  # a fault in one log must not cost the others

@@ -179,10 +179,10 @@ def test_check_goes_on_behind_a_fault(
 
     check_scene = source_check.check_scene
 
-    def check_or_fail(scene: Any, *rest: Any) -> Any:
+    def check_or_fail(scene: Any, *rest: Any, **more: Any) -> Any:
         if scene.name == "second":
             raise ZeroDivisionError("by zero")
-        return check_scene(scene, *rest)
+        return check_scene(scene, *rest, **more)
 
     monkeypatch.setattr(source_check, "check_scene", check_or_fail)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

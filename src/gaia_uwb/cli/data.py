@@ -8,7 +8,7 @@ import typer
 
 from gaia_uwb.cli.exit_codes import BAD_INPUT, FAULT, UNRELIABLE, keep_traceback, tell
 from gaia_uwb.cli.options import DataDirOption, SourceArgument
-from gaia_uwb.cli.terminal import progress_bar
+from gaia_uwb.cli.terminal import Progress
 
 data_app = typer.Typer(help="List, fetch and check data.", no_args_is_help=True)
 
@@ -37,11 +37,10 @@ def data_fetch(
     """Download a data set and verify each file; run it again to resume."""
     from gaia_uwb.logs import fetch
 
-    with progress_bar() as progress:
-        task = progress.add_task(f"fetch {name}", total=None)
+    with Progress() as progress:
 
         def show(done: int, total: int) -> None:
-            progress.update(task, completed=done, total=total)
+            progress.update(f"fetch {name}", done, total)
 
         folder = fetch(name, data_dir, base_url=base_url, progress=show)
     typer.echo(f"{name} is complete in {folder}")
@@ -59,7 +58,8 @@ def data_check(
     from gaia_uwb._shared import faults_text
     from gaia_uwb.evaluate import check_source
 
-    reports = check_source(source, data_dir=data_dir)
+    with Progress() as progress:
+        reports = check_source(source, data_dir=data_dir, progress=progress.update)
     if as_json:
         content = {"schema": 1, "reports": [report.as_json() for report in reports]}
         typer.echo(json.dumps(content, indent=1, allow_nan=False))

@@ -16,7 +16,7 @@ from gaia_uwb.cli.options import (
     make_settings,
     version,
 )
-from gaia_uwb.cli.terminal import print_results, progress_bar, track
+from gaia_uwb.cli.terminal import Progress, print_results
 
 SCORED = "raw,median,kalman,pose-kalman,gaia-set"
 
@@ -51,13 +51,11 @@ def evaluate(
     folder = results_folder(out, [source], data_dir=data_dir)
     folder.claim(["config.yaml", "episodes.csv", "results.json"])
     scenes = load_scenes(source, data_dir=data_dir)
-    with progress_bar() as progress:
-        test = make_test(
-            scenes, steps, settings, each=lambda runs: iter(track(progress, runs, "prepare"))
-        )
+    with Progress() as progress:
+        test = make_test(scenes, steps, settings, each=lambda runs: progress.track(runs, "prepare"))
         scores = [
             score_method(test, name, settings, true_nlos_labels=true_nlos_labels)
-            for name in track(progress, names, "score")
+            for name in progress.track(names, "score")
         ]
     protocol = {
         "data": source,

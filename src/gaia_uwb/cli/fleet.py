@@ -11,7 +11,7 @@ import typer
 from gaia_uwb._shared import FAULTS_LOG, written_out
 from gaia_uwb.cli.exit_codes import FAULT, UNRELIABLE, tell
 from gaia_uwb.cli.options import ConfigOption, OutOption
-from gaia_uwb.cli.terminal import progress_bar
+from gaia_uwb.cli.terminal import Progress
 
 
 def fleet(
@@ -47,14 +47,14 @@ def fleet(
     logs = (log for zone in zones for log in zone.logs)
     results_folder(out, [source, *logs]).claim([ZONES, *FAILURE_FILES])
     results = []
-    with progress_bar() as progress:
-        task = progress.add_task("zones", total=len(zones))
+    with Progress() as progress:
+        progress.update("zones", 0, len(zones))
         found = reconstruct_fleet(zones, out, settings, workers=workers, scheduler=scheduler)
         with closing(found):  # so that an interrupt ends its processes at once
             for result in found:
                 results.append(result)
-                progress.advance(task)
-                if progress.disable:
+                progress.update("zones", len(results), len(zones))
+                if not progress.on_terminal:
                     line = f"{len(results)} of {len(zones)}: {result.zone} {result.status}"
                     typer.echo(written_out(line))
     write_tables(results, out)

@@ -21,7 +21,7 @@ from gaia_uwb.cli.options import (
     make_settings,
     with_prior,
 )
-from gaia_uwb.cli.terminal import print_summary, progress_bar, track
+from gaia_uwb.cli.terminal import Progress, print_summary
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -82,15 +82,18 @@ def reconstruct(
     results = results_folder(out, sources, data_dir=data_dir)
     scenes: list[Scene] = []
     failures: list[tuple[str | Path, Exception]] = []
-    for source in sources:
-        readable, unreadable = load_readable(source, data_dir=data_dir)
-        scenes += readable
-        failures += unreadable
+    with Progress() as progress:
+        for source in sources:
+            readable, unreadable = load_readable(
+                source, data_dir=data_dir, each=lambda logs: progress.track(logs, "read")
+            )
+            scenes += readable
+            failures += unreadable
     n_logs = len(scenes) + len(failures)
     if n_logs > 1:
         results.claim(FAILURE_FILES)
     reliable = True
-    with progress_bar() as progress:
+    with Progress() as progress:
         if one_zone if one_zone is not None else len(sources) > 1:
             runs = [(scenes, out)] if scenes else []
         else:
@@ -98,7 +101,7 @@ def reconstruct(
             runs = [([scene], folder) for scene, folder in zip(scenes, folders, strict=True)]
         for _, folder in runs:
             results_folder(folder, sources, data_dir=data_dir).claim(RESULT_FILES)
-        for passes, folder in track(progress, runs, "reconstruct"):
+        for passes, folder in progress.track(runs, "reconstruct"):
             try:
                 result, metrics = reconstruct_and_score(passes, settings)
                 paths = write_all(result, folder, metrics, svg=svg, gis=gis)
@@ -110,7 +113,7 @@ def reconstruct(
                 failures.append((passes[0].name, error))
                 continue
             reliable &= result.status is ReconstructionStatus.OK
-            print_summary(progress, result, metrics, paths)
+            print_summary(result, metrics, paths)
     _tell_failures(failures, n_logs, results)
     if not reliable:
         raise typer.Exit(UNRELIABLE)

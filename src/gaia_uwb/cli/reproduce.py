@@ -11,6 +11,7 @@ import typer
 
 from gaia_uwb._shared import written_out
 from gaia_uwb.cli.options import DataDirOption, OutOption, require_torch, version
+from gaia_uwb.cli.terminal import Progress
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -210,7 +211,9 @@ def _run(name: str, workshop: Workshop, *, torch: bool = True) -> None:
 
     if torch:
         require_torch()
-    run_part(workshop, name)
+    with Progress() as progress:
+        progress.update(name)
+        run_part(workshop, name)
     text = workshop.folder.path / f"{name}.md"
     if text.is_file():
         typer.echo("\n".join(map(written_out, text.read_text(encoding="utf-8").split("\n"))))

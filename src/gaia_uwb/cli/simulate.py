@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gaia_uwb.cli.options import DataDirOption, OutOption, version
-from gaia_uwb.cli.terminal import progress_bar
+from gaia_uwb.cli.terminal import Progress
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -138,12 +138,12 @@ def _write_logs(scenes: Iterable[Scene], n: int, out: Path, table_format: TableF
     from gaia_uwb.logs import write_native
 
     width = len(str(n - 1))
-    with progress_bar() as progress:
-        task = progress.add_task("simulate", total=n)
+    with Progress() as progress:
+        progress.update("simulate", 0, n)
         for k, scene in enumerate(scenes):
             place = out if n == 1 else out / f"pass-{k:0{width}d}"
             write_native(scene, place, file_format=table_format.value)
-            progress.advance(task)
+            progress.update("simulate", k + 1, n)
 
 
 def _simulate_episodes(
@@ -161,11 +161,11 @@ def _simulate_episodes(
     if already and _text_in(folder.path / _SETTINGS) != settings:
         raise SourceError(f"{folder.path}: already contains episodes from a different command")
     folder.write(_SETTINGS, settings)
-    with progress_bar() as progress:
-        task = progress.add_task("simulate", total=n, completed=already)
+    with Progress() as progress:
+        progress.update("simulate", already, n)
         made = simulate_episodes(config, n, seed, first=already, workers=workers)
         for done in write_episodes(made, folder.path, append=True):
-            progress.update(task, completed=already + done)
+            progress.update("simulate", already + done, n)
     return already
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -12,7 +14,7 @@ import typer
 from gaia_uwb._shared import written_out
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
+    from rich.progress import Progress as Bars, TaskID
 
     from gaia_uwb.estimate import AnchorFix
     from gaia_uwb.evaluate import Metric
@@ -20,43 +22,120 @@ if TYPE_CHECKING:
 
 _Item = TypeVar("_Item")
 
+EVERY_S = 60.0
+"""Without a terminal, long work says this often how far it is."""
+_LOOK_EVERY_S = 0.5
 
-def progress_bar() -> Progress:
-    """Return a progress bar on a terminal, nothing elsewhere: results follow as plain lines."""
+
+class Progress:
+    """Says how far long work is: a bar on a terminal, elsewhere a line on stderr every minute.
+
+    The lines come whether or not a step ends in the meantime, so that nobody takes long work for
+    one that hangs; what is done in less than a minute says nothing.
+
+    Parameters
+    ----------
+    clock
+        Tells the time, in seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._start_s = self._told_s = clock()
+        self._state: tuple[str, int, int | None] = ("working", 0, None)
+        self._bars = _bars() if sys.stderr.isatty() else None
+        self._tasks: dict[str, TaskID] = {}
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._tell_every_minute, daemon=True)
+
+    @property
+    def on_terminal(self) -> bool:
+        """Whether somebody sees a bar."""
+        return self._bars is not None
+
+    def __enter__(self) -> Progress:
+        if self._bars is None:
+            self._thread.start()
+        else:
+            self._bars.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bars is None:
+            self._over.set()
+            self._thread.join()
+        else:
+            self._bars.stop()
+
+    def update(self, what: str, done: int = 0, total: int | None = None) -> None:
+        """Note how much of something is done.
+
+        Parameters
+        ----------
+        what
+            Names it.
+        done, total
+            Steps; the total may be unknown.
+        """
+        self._state = (what, done, total)
+        if self._bars is not None:
+            if what not in self._tasks:
+                self._tasks[what] = self._bars.add_task(what, total=total)
+            self._bars.update(self._tasks[what], completed=done, total=total)
+
+    def track(self, items: Sequence[_Item], what: str) -> Iterator[_Item]:
+        """Go through items, and note how many are done.
+
+        Parameters
+        ----------
+        items
+            Any.
+        what
+            Is done with them.
+        """
+        self.update(what, 0, len(items))
+        for done, item in enumerate(items, start=1):
+            yield item
+            self.update(what, done, len(items))
+
+    def tell_if_due(self) -> None:
+        """Write a line if a minute has passed since the last one."""
+        now_s = self._clock()
+        if now_s - self._told_s < EVERY_S:
+            return
+        self._told_s = now_s
+        what, done, total = self._state
+        how_far = "" if total is None else f"{done} of {total}, "
+        line = f"{what}: {how_far}{(now_s - self._start_s) / 60.0:.0f} min so far"
+        sys.stderr.write(f"{written_out(line)}\n")
+        sys.stderr.flush()
+
+    def _tell_every_minute(self) -> None:
+        while not self._over.wait(_LOOK_EVERY_S):
+            self.tell_if_due()
+
+
+def _bars() -> Bars:
     from rich.console import Console
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
-        Progress as Bar,
+        Progress as Bars,
         TextColumn,
         TimeRemainingColumn,
     )
 
-    console = Console(stderr=True)
-    return Bar(
+    return Bars(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
-        console=console,
+        console=Console(stderr=True),
         transient=True,
-        disable=not console.is_terminal,
     )
 
 
-def track(progress: Progress, items: Sequence[_Item], what: str) -> Iterable[_Item]:
-    """Go through items; on a terminal with a bar, in a log with a line for every tenth of them."""
-    task = progress.add_task(what, total=len(items))
-    for k, item in enumerate(items):
-        yield item
-        progress.advance(task)
-        step = max(1, len(items) // 10)
-        if progress.disable and len(items) > 1 and ((k + 1) % step == 0 or k + 1 == len(items)):
-            sys.stderr.write(f"{what}: {k + 1} of {len(items)}\n")
-
-
 def print_summary(
-    progress: Progress,
     result: Reconstruction,
     metrics: Mapping[str, Metric] | None,
     paths: Sequence[Path],
@@ -84,7 +163,7 @@ def print_summary(
     lines += [f"  note: {note}" for note in result.notes]
     lines += [f"  reason: {reason.text}" for reason in result.reasons]
     lines += [f"  wrote {path}" for path in paths]
-    progress.console.file.flush()
+    sys.stderr.flush()
     typer.echo("\n".join(map(written_out, lines)))
 
 

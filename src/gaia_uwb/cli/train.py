@@ -11,11 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gaia_uwb.cli.options import DataDirOption, OutOption, require_torch, version
-from gaia_uwb.cli.terminal import progress_bar, track
+from gaia_uwb.cli.terminal import Progress as Watch
 
 if TYPE_CHECKING:
-    from rich.progress import Progress as ProgressBar
-
     from gaia_uwb.learn import Progress, Recipe, WindowSets
     from gaia_uwb.models import WindowModel, ZoneModel
 
@@ -89,9 +87,10 @@ def train(
     if recipe is not None:
         chosen = load_recipe(recipe, chosen)
     folder = results_folder(out, [data], data_dir=data_dir)
-    sets = _window_sets(data, split, chosen, data_dir)
-    task = WindowTask(chosen.network, chosen.training, version(), sets)
-    with progress_bar() as progress:
+    with Watch() as progress:
+        progress.update("prepare the training data")
+        sets = _window_sets(data, split, chosen, data_dir)
+        task = WindowTask(chosen.network, chosen.training, version(), sets)
         found = train_window(task, folder, base=base, progress=_watched(progress, "epochs"))
     _tell(found, out)
 
@@ -110,18 +109,18 @@ def _train_zone(
         raise ConfigError(f"{what}: gaia-set can only be trained on the whole of sim:mixed")
     sizes = {"seed": seed} | ({} if portions is None else {"portions": portions})
     task = ZoneTask(GaiaSetArchitecture(), ZoneTrainingOptions.model_validate(sizes), version())
-    with progress_bar() as progress:
+    with Watch() as progress:
         found = train_zone(task, results_folder(out), progress=_watched(progress, "portions"))
     _tell(found, out)
 
 
-def _watched(progress: ProgressBar, steps: str) -> Progress:
+def _watched(progress: Watch, steps: str) -> Progress:
     """Return what shows the steps of trainings, and says where one resumes."""
 
     def each(left: Iterable[int], name: str, done: int) -> Iterator[int]:
         if done:
             sys.stderr.write(f"{name}: resuming after {done} {steps}\n")
-        yield from track(progress, list(left), f"train {name}")
+        yield from progress.track(list(left), f"train {name}")
 
     return each
 

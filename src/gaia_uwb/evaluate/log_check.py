@@ -7,7 +7,7 @@ trajectory's time, negative, and spikes. What the geometry allows is in ``observ
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -186,13 +186,17 @@ def _anchor_line(a: AnchorCheck) -> str:
     )
 
 
-def check_scene(scene: Scene) -> CheckReport:
+def check_scene(
+    scene: Scene, *, progress: Callable[[int, int], None] = lambda done, total: None
+) -> CheckReport:
     """Check a scene's raw log.
 
     Parameters
     ----------
     scene
         The log, with the notes of its reader.
+    progress
+        Called with the number of anchors that are checked, and of all anchors.
 
     Returns
     -------
@@ -210,7 +214,10 @@ def check_scene(scene: Scene) -> CheckReport:
     'the path is straight: each cone and its mirror position fit equally well'
     """
     drive = _check_drive(scene.trajectory)
-    anchors = tuple(_check_anchor(scene, index) for index in range(scene.n_anchors))
+    anchors = []
+    for index in range(scene.n_anchors):
+        progress(index, scene.n_anchors)
+        anchors.append(_check_anchor(scene, index))
     moves = drive.extent_m >= PARKED_BELOW_M
     heard = any(anchor.usable_share > 0 for anchor in anchors)
     found = observe(scene.without_truth()) if moves and heard else None
@@ -219,7 +226,7 @@ def check_scene(scene: Scene) -> CheckReport:
     return CheckReport(
         name=scene.name,
         drive=drive,
-        anchors=anchors,
+        anchors=tuple(anchors),
         observability=found,
         problems=(*_problems(drive, anchors), *_spoilt(scene, found), *problems),
         notes=(*log_notes(scene), *unscored, *more),
@@ -280,7 +287,7 @@ def _share(found: Bool[Array, "R"]) -> float:
     return float(found.mean()) if found.size else 0.0
 
 
-def _problems(drive: DriveCheck, anchors: tuple[AnchorCheck, ...]) -> Iterator[str]:
+def _problems(drive: DriveCheck, anchors: Sequence[AnchorCheck]) -> Iterator[str]:
     if drive.extent_m < PARKED_BELOW_M:
         yield f"the vehicle is parked: its whole path spans {drive.extent_m:.2f} m"
     elif drive.straightness < STRAIGHT_BELOW:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from gaia_uwb._shared import InputError
@@ -10,13 +12,21 @@ from gaia_uwb.evaluate.log_check import CheckReport, check_scene
 from gaia_uwb.logs import REGISTRY, dataset_folder, import_function
 
 
-def check_source(source: str, *, data_dir: Path | None = None) -> list[CheckReport]:
+def check_source(
+    source: str,
+    *,
+    data_dir: Path | None = None,
+    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
+) -> list[CheckReport]:
     """Check everything that a source names; an unreadable scene gets a report that says so.
 
     Parameters
     ----------
     source, data_dir
         Like :func:`load_scenes`.
+    progress
+        Called with what is checked, and how much of it is done and there is: logs, and cones of a
+        log.
 
     Returns
     -------
@@ -38,11 +48,16 @@ def check_source(source: str, *, data_dir: Path | None = None) -> list[CheckRepo
         except InputError as error:
             reports = [CheckReport.of_failure(source, error)]
         return reports
-    return [_check_log(path) for path in logs_of(source)]
+    logs = logs_of(source)
+    reports = []
+    for done, path in enumerate(logs):
+        progress("check", done, len(logs))
+        reports.append(_check_log(path, partial(progress, f"check {path.name}")))
+    return reports
 
 
-def _check_log(path: Path) -> CheckReport:
+def _check_log(path: Path, progress: Callable[[int, int], None]) -> CheckReport:
     try:
-        return check_scene(read_log(path))
+        return check_scene(read_log(path), progress=progress)
     except Exception as error:  # a fault in one log must not cost the others
         return CheckReport.of_failure(str(path), error)
