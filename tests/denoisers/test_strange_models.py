@@ -167,13 +167,19 @@ def test_what_is_no_regular_file_is_not_waited_for(tmp_path: Path) -> None:
             make_denoiser(denoiser)
 
 
-def test_numbers_beyond_all_bounds_say_nothing_on_the_screen(tmp_path: Path) -> None:
-    most = helper.make_tensor("most", FLOAT, [1], [3e38])
+@pytest.mark.parametrize("number", [1e13, 3e38, np.nan])
+def test_numbers_that_nothing_can_be_computed_with(tmp_path: Path, number: float) -> None:
+    most = helper.make_tensor("most", FLOAT, [1], [number])
     content = graph([node("Mul", [RANGE, "most"])], weights=(most,))
-    name = put_in(tmp_path / "model", content)
-    fields = json.loads((tmp_path / "model" / DESCRIPTION).read_text(encoding="utf-8"))
-    assert fields["network"]["kind"] == "pose-mlp"
-    try:
-        make_denoiser(name)([make_run(0)])  # warnings are errors in tests
-    except GaiaError as error:
-        assert str(error).isprintable()
+    with pytest.raises(ConfigError, match=r"expected numbers below 1e\+12"):
+        make_denoiser(put_in(tmp_path / "model", content))([make_run(0)])
+
+
+def test_lengths_are_scaled_by_what_can_be_a_length(tmp_path: Path) -> None:
+    name = put_in(tmp_path / "model", graph([node("Identity", [RANGE])]))
+    path = tmp_path / "model" / DESCRIPTION
+    fields = json.loads(path.read_text(encoding="utf-8"))
+    fields["normalisation"]["scale_m"] = 1e300
+    path.write_text(json.dumps(fields), encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"normalisation\.scale_m"):
+        make_denoiser(name)

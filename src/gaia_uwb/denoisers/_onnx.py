@@ -32,6 +32,7 @@ from gaia_uwb.models import (
 if TYPE_CHECKING:
     import onnxruntime
 
+_LARGEST = 1e12  # of an output: far beyond any, and its square is a number
 _SILENT = 4  # of what it logs, only what ends the process
 _FOLDER_OF_OTHER_FILES = "session.model_external_initializers_file_folder_path"
 _LONGEST_RUN_S = 600.0  # our own networks take seconds
@@ -100,7 +101,8 @@ class Network:
         Raises
         ------
         ConfigError
-            If it cannot be run, takes too long, or an output is not of numbers or of another shape.
+            If it cannot be run, takes too long, or an output is of another shape or not of numbers
+            that anything can be computed with.
         """
         values = self._values(list(shapes), dict(inputs))
         found = {}
@@ -110,6 +112,8 @@ class Network:
             if value.shape != shape:
                 raise self._error(f"output {name}: expected the shape {shape}, got {value.shape}")
             found[name] = value.astype(np.float64)
+            if not (np.abs(found[name]) < _LARGEST).all():  # nor is NaN
+                raise self._error(f"output {name}: expected numbers below {_LARGEST:g}")
         return found
 
     def _values(self, names: list[str], inputs: dict[str, Array]) -> list[Any]:

@@ -104,7 +104,9 @@ class ZoneNetwork(Denoiser):
             unsolved = np.count_nonzero(episode.valid, axis=0) < _LEAST_RANGES
             range_m = np.maximum(output["denoised_range"][b].T, 0.0)
             range_m = np.where(unsolved, episode.range_m, range_m)
-            sigma_m = np.where(unsolved, 1.0, np.exp(output["log_sigma"][b].T))
+            sigma_m = np.where(
+                unsolved, 1.0, np.exp(np.clip(output["log_sigma"][b].T, -20.0, 20.0))
+            )
             results.append(
                 DenoisedRanges(
                     range_m=np.where(episode.valid, range_m, np.nan),

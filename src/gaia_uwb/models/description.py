@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 from pydantic import (
     Field,
-    PositiveFloat,
     PositiveInt,
     model_serializer,
     model_validator,
@@ -25,6 +24,7 @@ SCHEMA = 1
 """Version of the files that hold a model."""
 
 _Width = Annotated[int, Field(ge=1, le=4096)]
+_Scale = Annotated[float, Field(gt=0, le=1e6)]
 
 
 class MlpArchitecture(Settings):
@@ -146,9 +146,7 @@ class ZoneModel(ModelDescription):
 
     network: GaiaSetArchitecture
     training: ZoneTrainingOptions
-    variance_scales: tuple[tuple[PositiveInt, PositiveFloat], ...] = Field(
-        min_length=1, strict=False
-    )
+    variance_scales: tuple[tuple[PositiveInt, _Scale], ...] = Field(min_length=1, strict=False)
     """Numbers of steps, and what variances of places are multiplied by in scenes as long as that,
     so that on validation scenes 90 % of the 90 % ellipses hold the anchor (split conformal)."""
 

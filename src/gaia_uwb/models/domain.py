@@ -17,9 +17,9 @@ _STRANGE_SHARE = 0.1  # of a path outside what a model has seen
 class Normalisation(Settings):
     """How lengths become numbers about 1: one scale for all of them, so that geometry holds."""
 
-    origin_east_m: float
-    origin_north_m: float
-    scale_m: float = Field(gt=0)
+    origin_east_m: float = Field(ge=-1e8, le=1e8)
+    origin_north_m: float = Field(ge=-1e8, le=1e8)
+    scale_m: float = Field(gt=0, le=1e6)
 
     @classmethod
     def fit(cls, episodes: Sequence[Episode]) -> Normalisation:
