@@ -189,7 +189,7 @@ def load_config(path: Path) -> PipelineConfig:
     """
     try:
         content = read_yaml(path)
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise ConfigError(f"{path}: cannot read settings: {error}") from error
     return make_config({} if content is None else content, source=str(path))
 

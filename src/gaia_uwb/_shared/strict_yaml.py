@@ -49,13 +49,15 @@ def read_yaml(path: Path, *, most_bytes: int = MAX_BYTES) -> Any:
 
     Raises
     ------
-    OSError
-        If the file cannot be read, or is not a regular file.
     YamlError
-        If it is too large, not UTF-8, or not what :func:`parse_yaml` takes.
+        If the file cannot be read, is not a regular file, too large or not UTF-8, or is not what
+        :func:`parse_yaml` takes.
     """
-    with open_regular(path) as file:
-        content = file.read(most_bytes + 1)
+    try:
+        with open_regular(path) as file:
+            content = file.read(most_bytes + 1)
+    except OSError as error:
+        raise YamlError(error.strerror or str(error)) from error
     if len(content) > most_bytes:
         raise YamlError(f"larger than {most_bytes:,} bytes")
     try:

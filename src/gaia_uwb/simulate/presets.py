@@ -65,7 +65,7 @@ def load_preset(path: Path) -> PassConfig:
         return PassConfig.model_validate({} if content is None else content)
     except ValidationError as error:
         raise ConfigError(f"{path}: {settings_problems(error)}") from error
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise ConfigError(f"{path}: cannot read a preset: {error}") from error
 
 

@@ -161,7 +161,7 @@ def load_feed_config(path: Path, changes: Mapping[str, object] | None = None) ->
     """
     try:
         content = read_yaml(path)
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise ConfigError(f"{path}: cannot read settings: {error}") from error
     if isinstance(content, dict) and changes:
         content = content | dict(changes)
