@@ -341,3 +341,19 @@ def test_notes_of_several_passes_name_their_pass():
     assert own == ["drive: late", "near: short", "near: wet"]
     of_both = "no geographic reference: results are in local metres, and no feed can be written"
     assert result.notes.count(of_both) == 1
+
+
+@pytest.mark.parametrize("denoiser", ["raw", "gaia-set"])
+def test_cones_in_one_place_enclose_nothing(denoiser: str) -> None:
+    rng = np.random.default_rng(3)
+    t_s = np.arange(0.0, 40.0, 0.1)
+    path_m = np.stack([2.0 * t_s, 4.0 * np.sin(t_s / 4.0)], axis=1)
+    reading = np.repeat(np.arange(len(t_s)), 4)
+    anchor = np.tile(np.arange(4), len(t_s))
+    range_m = np.hypot(*(path_m[reading] - np.array([40.0, 9.0])).T)
+    ranges = RangeLog(t_s[reading], anchor, range_m + rng.normal(0.0, 0.1, len(reading)))
+    scene = Scene("heap", Trajectory(t_s, path_m), ranges, ("a", "b", "c", "d"))
+    result = reconstruct(scene, PipelineConfig(denoiser=denoiser))
+    assert result.status is ReconstructionStatus.UNRELIABLE
+    (reason,) = [reason for reason in result.reasons if reason.kind is ReasonKind.COLLINEAR]
+    assert "in one place within their errors" in reason.text

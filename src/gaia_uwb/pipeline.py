@@ -297,12 +297,14 @@ def _log_reasons(episode: Episode, config: PipelineConfig) -> Iterator[Reason]:
         yield Reason(ReasonKind.MISFIT, text, numbers={"half_beyond_m": half_m})
     prior_m = np.array([config.calibration.bias_sigma_m, config.calibration.bias_slope_sigma_m])
     if float(np.hypot(*(found.bias / np.maximum(prior_m, 1e-9)))) > _BIAS_SIGMA:
-        bias_m = float(found.bias[0])
+        bias_m, growth_m = found.bias.tolist()
         text = (
-            f"range bias of {bias_m:+.2f} m, implausible for UWB radios (about ±{prior_m[0]:g} m): "
-            "check the unit and the zero offset of the ranges"
+            f"range bias of {bias_m:+.2f} m at 10 m and {growth_m:+.2f} m more for ten times the "
+            f"distance, implausible for UWB radios (about ±{prior_m[0]:g} m and "
+            f"±{prior_m[1]:g} m): check the unit and the zero offset of the ranges"
         )
-        yield Reason(ReasonKind.RANGE_BIAS, text, numbers={"bias_m": bias_m})
+        numbers = {"bias_m": bias_m, "growth_m": growth_m}
+        yield Reason(ReasonKind.RANGE_BIAS, text, numbers=numbers)
 
 
 def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> Iterator[Reason]:
@@ -324,6 +326,17 @@ def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> Iterator[Reaso
     elif boundary.status is BoundaryStatus.COLLINEAR:
         text = "all located cones are on one line, so the boundary encloses no area"
         yield Reason(ReasonKind.COLLINEAR, text)
+    elif _in_one_place(anchors):
+        text = "all located cones are in one place within their errors, so there is no boundary"
+        yield Reason(ReasonKind.COLLINEAR, text)
+
+
+def _in_one_place(anchors: Sequence[AnchorFix]) -> bool:
+    """Whether no cone stands farther from their middle than they are known."""
+    located = [anchor for anchor in anchors if anchor.status.has_position]
+    place_m = np.array([anchor.position_m for anchor in located])
+    off_m = np.hypot(*(place_m - place_m.mean(axis=0)).T)
+    return bool(off_m.max() < max(anchor.semi_axes_90_m[0] for anchor in located))
 
 
 def _listed(ids: Sequence[str], n_cones: int) -> str:
