@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,7 @@ SPIKE_M = 1.0
 
 _PAIRS, _FEWEST_PAIRS = 7, 3  # of readings before, about and after a reading
 _NEAR_M, _STANDS_M = 0.5, 0.1
+_BLOCK = 1 << 14  # readings that are looked at together stay in the processor's cache
 _MOST_LOOKED_AT, _MOST_FITTED = 2_000, 40_000  # more would not change a share
 _FEWEST_READINGS = 8
 _HALF_BEYOND_M = 2.5  # however hard the surroundings, half of a radio's ranges err by less
@@ -121,39 +123,54 @@ def contradicting(
     >>> np.flatnonzero(contradicting(t_s, range_m, drive))
     array([20])
     """
-    path_m = np.column_stack([np.interp(t_s, drive.t_s, axis) for axis in drive.position_m.T])
-    range_m = np.where(range_m < 0.0, np.nan, range_m)
+    path_m = [np.interp(t_s, drive.t_s, axis) for axis in drive.position_m.T]
+    log = _Readings(t_s, np.where(range_m < 0.0, np.nan, range_m), *path_m)
     chosen = np.arange(len(range_m)) if looked_at is None else looked_at
-    votes, pairs = np.zeros((2, len(chosen)))
+    found = [_judge(chosen[k : k + _BLOCK], log) for k in range(0, len(chosen), _BLOCK)]
+    return np.concatenate(found) if found else np.zeros(0, dtype=np.bool_)
+
+
+class _Readings(NamedTuple):
+    """Readings of one anchor, and where the vehicle was; one array each, so that all is quick."""
+
+    t_s: Float64[Array, "R"]
+    range_m: Float64[Array, "R"]
+    east_m: Float64[Array, "R"]
+    north_m: Float64[Array, "R"]
+
+    def at(self, index: Int64[Array, "K"]) -> _Readings:
+        return _Readings(*(column[index] for column in self))
+
+
+def _judge(chosen: Int64[Array, "K"], log: _Readings) -> Bool[Array, "K"]:
+    n = len(log.t_s)
+    votes, pairs = np.zeros((2, len(chosen)), dtype=np.int64)
     for reach in range(1, _PAIRS + 1):
         # Before and after the reading, both before it, both after it.
         for first, second in ((-reach, reach), (-2 * reach, -reach), (reach, 2 * reach)):
-            has = (chosen >= max(0, -first)) & (chosen < len(range_m) - max(0, second))
+            has = (chosen >= max(0, -first)) & (chosen < n - max(0, second))
             own = chosen[has]
-            off_m, error = _misfit(own, own + first, own + second, t_s, range_m, path_m)
+            off_m, error = _misfit(log.at(own), log.at(own + first), log.at(own + second))
             votes[has] += off_m > SPIKE_M * np.maximum(error, 1.0)
             pairs[has] += np.isfinite(off_m)
     return np.asarray((votes > 0.5 * pairs) & (pairs >= _FEWEST_PAIRS))
 
 
 def _misfit(
-    own: Int64[Array, "K"],
-    first: Int64[Array, "K"],
-    second: Int64[Array, "K"],
-    t_s: Float64[Array, "R"],
-    range_m: Float64[Array, "R"],
-    path_m: Float64[Array, "R 2"],
+    own: _Readings, first: _Readings, second: _Readings
 ) -> tuple[Float64[Array, "K"], Float64[Array, "K"]]:
     """Return how far readings are from what two others predict, and how much worse that errs."""
-    chord_m, along_m = path_m[second] - path_m[first], path_m[own] - path_m[first]
-    chord2_m2 = (chord_m**2).sum(axis=1)
-    moves = chord2_m2 > _STANDS_M**2
-    by_time = (t_s[own] - t_s[first]) / np.maximum(t_s[second] - t_s[first], 1e-9)
-    by_path = (along_m * chord_m).sum(axis=1) / np.maximum(chord2_m2, _STANDS_M**2)
-    w = np.where(moves, by_path, np.clip(by_time, -1.0, 2.0))
-    aside_m = np.linalg.norm(along_m - w[:, None] * chord_m, axis=1)
-    ends_m2 = (1.0 - w) * range_m[first] ** 2 + w * range_m[second] ** 2
+    chord_east_m, chord_north_m = second.east_m - first.east_m, second.north_m - first.north_m
+    along_east_m, along_north_m = own.east_m - first.east_m, own.north_m - first.north_m
+    chord2_m2 = chord_east_m**2 + chord_north_m**2
+    least2_m2 = _STANDS_M**2
+    by_time = (own.t_s - first.t_s) / np.maximum(second.t_s - first.t_s, 1e-9)
+    by_path = along_east_m * chord_east_m + along_north_m * chord_north_m
+    by_path /= np.maximum(chord2_m2, least2_m2)
+    w = np.where(chord2_m2 > least2_m2, by_path, np.clip(by_time, -1.0, 2.0))
+    aside_m = np.hypot(along_east_m - w * chord_east_m, along_north_m - w * chord_north_m)
+    ends_m2 = (1.0 - w) * first.range_m**2 + w * second.range_m**2
     predicted_m = np.sqrt(np.maximum(ends_m2 - w * (1.0 - w) * chord2_m2, 0.0))
-    error = np.hypot((1.0 - w) * range_m[first], w * range_m[second])
-    error /= np.maximum(np.fmin(predicted_m, range_m[own]), _NEAR_M)
-    return np.abs(range_m[own] - predicted_m) - aside_m, error
+    error = np.hypot((1.0 - w) * first.range_m, w * second.range_m)
+    error /= np.maximum(np.fmin(predicted_m, own.range_m), _NEAR_M)
+    return np.abs(own.range_m - predicted_m) - aside_m, error
