@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ from factories import SITE, make_fix, make_reconstruction, make_unlocated
 from gaia_uwb._shared.errors import InputError
 from gaia_uwb.outputs.geojson import boundary_geojson
 from gaia_uwb.outputs.report import make_report
-from gaia_uwb.wzdx import read_zone, zone_of
-from wzdx_cases import zone_pass
+from gaia_uwb.scene import LocalFrame
+from gaia_uwb.wzdx import make_feeds, read_zone, zone_of
+from wzdx_cases import feed_config, zone_pass
 
 
 def test_a_drive_across_the_zone_is_a_doubt() -> None:
@@ -52,6 +54,32 @@ def test_results_read_back_give_the_same_zone(tmp_path: Path) -> None:
     for one, other in zip(read.cones, zone.cones, strict=True):
         assert one.covariance_m2 == pytest.approx(other.covariance_m2)
         assert (one.status, one.n_ranges) == (other.status, other.n_ranges)
+
+
+def test_a_drive_across_the_180th_meridian_is_one_path_again(tmp_path: Path) -> None:
+    # The road leads across, twice; the zone lies on this side of the meridian.
+    road_m = np.array([[x, 20.0 * (k % 2)] for k, x in enumerate([-60.0, -5.0, 25.0, -25.0])])
+    cones = [make_fix(name, np.array([-55.0 + 20 * k, 4.0])) for k, name in enumerate("abc")]
+    result = zone_pass(road_m, cones, frame=LocalFrame(lat_deg=-16.8, lon_deg=179.99999))
+    (tmp_path / "report.json").write_text(json.dumps(make_report(result)))
+    geojson: Any = boundary_geojson(result)
+    (tmp_path / "boundary.geojson").write_text(json.dumps(geojson))
+    assert len(geojson["features"][0]["geometry"]["coordinates"]) == 3
+    assert read_zone(tmp_path).line_m == pytest.approx(zone_of(result).line_m, abs=1e-3)
+    date = datetime(2026, 11, 22, tzinfo=UTC)
+    event: Any = make_feeds(read_zone(tmp_path), feed_config(), date).work_zone["features"]
+    assert all(lon > 179.9 for lon, _ in event[0]["geometry"]["coordinates"])
+
+
+@pytest.mark.parametrize("coordinates", [[], [[]], [[[0.0, 1.0]]], 7, [7, 8]])
+def test_a_path_in_pieces_that_is_none(tmp_path: Path, coordinates: object) -> None:
+    result = make_reconstruction()
+    geojson: Any = boundary_geojson(result)
+    geojson["features"][0]["geometry"] = {"type": "MultiLineString", "coordinates": coordinates}
+    (tmp_path / "report.json").write_text(json.dumps(make_report(result)))
+    (tmp_path / "boundary.geojson").write_text(json.dumps(geojson))
+    with pytest.raises(InputError, match="expected a feature with the role 'path'"):
+        read_zone(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -166,13 +166,16 @@ def _read_path(file: Path, name: str, frame: LocalFrame) -> Float64[Array, "T 2"
     try:
         if content["gaia"]["scene"] != name:
             raise InputError(f"expected the scene {shown(name)} of report.json", source=file)
-        line, *_ = [
-            feature["geometry"]["coordinates"]
+        path, *_ = [
+            feature["geometry"]
             for feature in content["features"]
             if feature["properties"]["role"] == "path"
         ]
+        line = path["coordinates"]
+        if path["type"] == "MultiLineString":  # cut at the 180th meridian, where pieces meet
+            line = [*line[0], *(position for piece in line[1:] for position in piece[1:])]
         lon_deg, lat_deg = _pairs(line).T
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
+    except (KeyError, IndexError, TypeError, ValueError, OverflowError) as error:
         raise InputError("expected a feature with the role 'path'", source=file) from error
     position_m, _ = to_local(frame, lat_deg, lon_deg)
     if not np.isfinite(position_m).all():
