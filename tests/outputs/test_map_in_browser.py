@@ -49,6 +49,21 @@ def test_cones_are_to_scale_with_north_up(chromium: Browser, pages: dict[str, Pa
     assert pixel - pixel[0] == pytest.approx((SQUARE_M - SQUARE_M[0]) * scale)
 
 
+def test_notes_of_the_reader_are_shown_as_text(
+    chromium: Browser, pages: dict[str, Path], tmp_path: Path
+) -> None:
+    notes = (f"uwb.csv: {HOSTILE[0]}", "uwb.csv: skipped 3 rows")
+    plain = make_reconstruction()
+    noted = replace(plain, episode=replace(plain.episode, notes=notes))
+    show(chromium, write_page(noted, tmp_path / "noted.html"))
+    assert chromium.evaluate('document.getElementById("log").hidden') is False
+    assert chromium.evaluate(
+        '[...document.querySelectorAll("#notes li")].map((each) => each.textContent)'
+    ) == list(notes)
+    show(chromium, pages["good"])
+    assert chromium.evaluate('document.getElementById("log").hidden') is True
+
+
 def test_doubtful_result_shows_both_places_and_why(
     chromium: Browser, pages: dict[str, Path]
 ) -> None:
