@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings, strategies as st
+from hypothesis import HealthCheck, example, given, settings, strategies as st
 
 from gaia_uwb._shared.errors import InputError
 from gaia_uwb.logs._cells import Kind
@@ -130,6 +130,8 @@ NUMBERS = st.floats(-1e6, 1e6).map(lambda number: round(number, 3))
 WORDS = st.text("abcXYZ01-_", min_size=1, max_size=6)
 
 
+@example([(0.0, 0.5, "0")], " ", True, "utf-8", "\n", "# made by us\n#")
+@example([(0.0, 0.5, "0")], "\t", True, "utf-8", "\n", "# made by us\n#")
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     rows=st.lists(st.tuples(NUMBERS, NUMBERS, WORDS), min_size=1, max_size=8),

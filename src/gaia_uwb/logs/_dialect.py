@@ -26,7 +26,7 @@ SEPARATOR_WORDS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", 
 MAX_LINE_BYTES = 2**20
 _SAMPLE_LINES, _SAMPLE_CHARACTERS = 200, 2**20
 _COMMENT = ("#", "%")
-_SEPARATORS = (",", ";", "\t")
+_SEPARATORS = ("\t", ";", ",")  # a comma may be that of numbers, so that it comes last
 _WITH_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?", re.ASCII)
 _WITH_POINT = re.compile(r"[+-]?\d*\.\d*([eE][+-]?\d+)?", re.ASCII)
 _EXCEL = re.compile(r'"?sep=([,;\t|])"?', re.IGNORECASE)
@@ -229,6 +229,9 @@ def _separator(lines: Sequence[str], n_columns: int | None = None) -> str:
     """Return the separator that the first line has, and that gives most lines as many cells."""
     header = lines[0]
     candidates = [s for s in _SEPARATORS if len(_split(header, s)) > 1] or [BLANKS]
+    commas = [cell for line in lines for cell in line.split() if "," in cell]
+    if candidates == [","] and all(map(_WITH_COMMA.fullmatch, commas)) and header.split()[1:]:
+        candidates = [BLANKS]  # all commas are those of numbers
     n_even = {}
     for separator in candidates:
         n = n_columns or len(_split(header, separator))
@@ -237,8 +240,7 @@ def _separator(lines: Sequence[str], n_columns: int | None = None) -> str:
     if best == BLANKS:
         enough = n_columns is not None or 2 * n_even[best] > len(lines)
         return BLANKS if enough and len(header.split()) > 1 else ","
-    clear = list(n_even.values()).count(n_even[best]) == 1
-    return best if clear else candidates[0]
+    return best
 
 
 def _split(line: str, separator: str) -> list[str]:
