@@ -201,8 +201,8 @@ BAD_LOGS = {
         "ranges.csv",
     ),
     "not a number": (lambda f: edit(f, "ranges.csv", 5, "1.0,cone-1,abc"), "row 5"),
-    "NaN": (lambda f: edit(f, "ranges.csv", 5, "1.0,cone-1,nan"), "row 5"),
-    "unsorted trajectory": (lambda f: edit(f, "trajectory.csv", 9, "0.0,0.0,0.0,1.5"), "row 9"),
+    "NaN": (lambda f: edit(f, "ranges.csv", 5, "nan,cone-1,1.0"), "row 5"),
+    "no height": (lambda f: edit(f, "trajectory.csv", 9, "0.55,0.0,0.0,"), "row 9"),
     "not UTF-8": (
         lambda f: (f / "ranges.csv").write_bytes(b"t_s,anchor_id,range_m\n1.0,\xff,2.0\n"),
         "ranges.csv",
