@@ -73,6 +73,8 @@ def test_host_stamps(tmp_path: Path) -> None:
     assert notes[0] == "drive.nmea: skipped 1 sentence without a stamp"
     with pytest.raises(InputError, match="use clock: gnss"):
         read_nmea(write(tmp_path, gga()), clock="host")
+    with pytest.raises(InputError, match=r"in a form that is not read .*: 'at noon'"):
+        read_nmea(write(tmp_path, f"at noon {gga()}"), clock="host")
 
 
 def test_checksum() -> None:

@@ -39,7 +39,7 @@ _UNITS_M = {"m": 1.0, "meters": 1.0, "metres": 1.0, "mm": 0.001, "cm": 0.01}
 RANGE_ARRAYS = ("ranges", "distances", "dists", "disarr", "distarr", "rangearr", "distancearray")
 """Names of an array of ranges."""
 
-RSSI = ("rssidbm", "rssi", "rxrssi", "rxpower")
+RSSI = ("rssidbm", "rssi", "rxrssi", "rss", "rxpower")
 RSSI_FP = ("rssifpdbm", "fprssi", "fppower", "firstpathpower")
 
 WHOLE = frozenset(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))

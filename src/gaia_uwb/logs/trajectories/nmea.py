@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 
-from gaia_uwb._shared import Array, InputError, counted
+from gaia_uwb._shared import Array, InputError, counted, shown
 from gaia_uwb.logs._logs import LogRows, LogTable, read_lines
 from gaia_uwb.logs._stamps import DAY_S, DayClock, StampOptions, Stamps, day_s
 from gaia_uwb.logs.trajectories import fixes
@@ -64,6 +64,7 @@ class _Count:
     n_no_fix: int = 0
     n_at_zero: int = 0
     n_no_stamp: int = 0
+    other_stamp: str = ""
     first_broken: int = 0
 
 
@@ -241,6 +242,7 @@ class _Reader:
             stamp_s = self._stamps.read(f"{prefix} ")
             if stamp_s is None:
                 self._count.n_no_stamp += 1
+                self._count.other_stamp = self._count.other_stamp or prefix.strip()
                 return
             t_s = stamp_s
         values = (t_s, fix.lat, fix.lon, fix.alt_m, moment_s)
@@ -353,6 +355,9 @@ def _need_rows(rows: LogRows, count: _Count) -> None:
         row = count.first_broken
     elif count.n_broken:
         problem, row = "all sentences with a fix are broken (form or checksum)", count.first_broken
+    elif count.other_stamp:
+        stamp = shown(count.other_stamp[:60])
+        problem = f"the stamps before '$' are in a form that is not read (docs/inputs.md): {stamp}"
     elif count.n_no_stamp:
         problem = "its sentences have no host time before '$': use clock: gnss"
     elif count.n_at_zero:
