@@ -11,15 +11,31 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field, PlainValidator
 
 Value = str | int | float | bool
 
-Where = dict[Annotated[str, Field(min_length=1)], Value | list[Value]]
+
+def _check_wanted(value: object) -> object:
+    """Refuse in one line what is neither a value nor a list of values."""
+    values = value if isinstance(value, list) else [value]
+    if not values or not all(isinstance(each, Value) for each in values):
+        raise ValueError("expected a value, or a list of values")
+    return value
+
+
+def _as_list(value: object) -> object:
+    return [value] if isinstance(value, (int, float)) else value
+
+
+Where = dict[
+    Annotated[str, Field(min_length=1)],
+    Annotated[Value | list[Value], PlainValidator(_check_wanted)],
+]
 """Field -> the value that it must have, or one of several."""
 
-Missing = Annotated[list[float], Field(max_length=100)]
-"""Numbers that stand for "no range", as the source holds them, before they are scaled."""
+Missing = Annotated[list[float], BeforeValidator(_as_list), Field(max_length=100)]
+"""Numbers (or one) that stand for "no range", as the source holds them, before they are scaled."""
 
 
 def as_text(value: Any) -> str:
