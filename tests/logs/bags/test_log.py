@@ -86,12 +86,32 @@ def test_a_folder_without_a_description_is_told_by_its_names(tmp_path: Path) -> 
     assert notes[0] == "drive: no metadata.yaml; read drive_0.mcap, drive_2.mcap, drive_10.mcap"
 
 
-@pytest.mark.parametrize("names", [("a_1.mcap", "a_2.mcap"), ("a_0.mcap", "b_1.mcap")])
+def test_parts_of_ros_1_have_a_date_each(tmp_path: Path) -> None:
+    for k in (0, 1):
+        bag = write_drive(tmp_path / "made", "bag")
+        shutil.move(bag, tmp_path / f"a_2026-03-03-09-0{k}-00_{k}.bag")
+    (tmp_path / "._a.bag").write_bytes(b"of a Mac")
+    assert is_described(tmp_path)
+    assert len(RosLog(tmp_path).ranges()) == 240
+
+
+SEPARATE = [
+    ("a_1.mcap", "a_2.mcap"),
+    ("a_0.mcap", "b_1.mcap"),
+    ("a_0.mcap", "a_1.db3"),
+    ("a_0.mcap", "a_00.mcap"),
+    ("2026-03-03-09-00-00.mcap", "2026-03-03-10-00-00.mcap"),
+]
+
+
+@pytest.mark.parametrize("names", SEPARATE)
 def test_recordings_of_several_drives_stay_apart(tmp_path: Path, names: tuple[str, ...]) -> None:
     for k, name in enumerate(names):
         write_part(tmp_path, name, 100 * k)
     assert not is_described(tmp_path)
-    with pytest.raises(InputError, match="its ROS logs are not the parts of one: a_"):
+    with pytest.raises(
+        InputError, match=f"its ROS logs are not the parts of one: {sorted(names)[0][:3]}"
+    ):
         RosLog(tmp_path)
 
 

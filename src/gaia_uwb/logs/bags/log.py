@@ -23,7 +23,8 @@ ROS_FILES = (".bag", ".bag.active", ".mcap", ".db3")
 
 _MAX_METADATA = 2 * 2**20
 _MAX_FILES = 1000
-_PART = re.compile(r"(.*)_(\d{1,4})", re.ASCII | re.DOTALL)
+_PART = re.compile(r"(.*?)(?:\d{4}(?:-\d\d){5})?_(\d{1,4})(\.[a-z0-9.]+)", re.ASCII | re.DOTALL)
+"""A recording's name (ROS 1 adds the date at which each part starts), number and ending."""
 
 
 def is_ros_file(path: Path) -> bool:
@@ -69,18 +70,21 @@ def open_log(path: Path) -> tuple[list[Bag], bool]:
 def _parts(folder: Path) -> list[Path]:
     """Return the files of a recording without a description, in their order; none if unclear."""
     try:
-        files = [path for path in folder.iterdir() if is_ros_file(path)]
+        matches = {path: _PART.fullmatch(path.name) for path in _ros_files(folder)}
     except OSError:
         return []
-    numbers: dict[Path, int] = {}
-    for path in files:
-        match = _PART.fullmatch(path.name.partition(".")[0])
-        if match is None:
-            return []
-        numbers[path] = int(match[2])
-    kinds = {(path.name.rpartition("_")[0], path.name.partition(".")[2]) for path in files}
-    clear = len(kinds) == 1 and 0 in numbers.values() and len(set(numbers.values())) == len(files)
-    return sorted(files, key=numbers.__getitem__) if clear and len(files) <= _MAX_FILES else []
+    numbers = {path: int(match[2]) for path, match in matches.items() if match is not None}
+    kinds = {(match[1], match[3]) for match in matches.values() if match is not None}
+    if len(kinds) != 1 or not len(matches) == len(numbers) == len(set(numbers.values())):
+        return []
+    clear = 0 in numbers.values() and len(numbers) <= _MAX_FILES
+    return sorted(numbers, key=numbers.__getitem__) if clear else []
+
+
+def _ros_files(folder: Path) -> list[Path]:
+    """Return the ROS logs in a folder; hidden files are what a file system keeps for itself."""
+    files = folder.iterdir()
+    return sorted(path for path in files if is_ros_file(path) and not path.name.startswith("."))
 
 
 def _only_file(folder: Path) -> list[Path]:
@@ -92,7 +96,7 @@ def _only_file(folder: Path) -> list[Path]:
         If there are none or several.
     """
     try:
-        files = sorted(path for path in folder.iterdir() if is_ros_file(path))
+        files = _ros_files(folder)
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", source=folder) from error
     if len(files) != 1:
