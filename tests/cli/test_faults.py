@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb.cli.exit_codes import BAD_INPUT, FAULT, UNRELIABLE
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.fleet import find_zones, reconstruct_fleet, write_tables
@@ -118,6 +119,26 @@ def test_a_fault_counts_more_than_a_bad_log(run: Run, logs: Path, tmp_path: Path
     code, _, _ = run("reconstruct", logs, "--denoiser", "raw", "--out", tmp_path / "out")
     assert code == BAD_INPUT
     assert len(rows_of(tmp_path / "out")) == 1
+
+
+def test_settings_that_do_not_fit_one_log_cost_no_other(
+    run: Run, logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from gaia_uwb.evaluate import scores
+
+    reconstruct = scores.reconstruct_and_score
+
+    def reconstruct_or_refuse(passes: Any, settings: Any) -> Any:
+        if passes[0].name == "second":
+            raise ConfigError("this model does not run here")
+        return reconstruct(passes, settings)
+
+    monkeypatch.setattr("gaia_uwb.evaluate.reconstruct_and_score", reconstruct_or_refuse)
+    code, _, err = run("reconstruct", logs, "--denoiser", "raw", "--out", tmp_path / "out")
+    assert code == BAD_INPUT
+    assert "gaia: skipped: this model does not run here" in err
+    assert (tmp_path / "out" / "third" / "report.json").exists()
+    assert not (tmp_path / "out" / "failures.log").exists()
 
 
 @pytest.mark.usefixtures("bug")

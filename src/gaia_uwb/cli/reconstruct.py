@@ -69,7 +69,6 @@ def reconstruct(
     ] = False,
 ) -> None:
     """Locate the cones and draw the boundary, from the log of one drive or of several."""
-    from gaia_uwb._shared import ConfigError
     from gaia_uwb.api import load_readable
     from gaia_uwb.evaluate import reconstruct_and_score
     from gaia_uwb.fleet import FAILURE_FILES
@@ -105,9 +104,7 @@ def reconstruct(
             try:
                 result, metrics = reconstruct_and_score(passes, settings)
                 paths = write_all(result, folder, metrics, svg=svg, gis=gis)
-            except ConfigError:
-                raise  # the same for all
-            except Exception as error:  # a fault in one log must not cost the others
+            except Exception as error:  # what is wrong with one log must not cost the others
                 if len(passes) > 1:
                     raise
                 failures.append((passes[0].name, error))
@@ -132,7 +129,6 @@ def _tell_failures(
             raise error
         return
     rows = [Failure.of(Path(log).name, str(log), error) for log, error in failures]
-    write_failures(rows, folder)
     faults = [row for row in rows if row.traceback]
     for row in rows:
         if row in faults:
@@ -140,6 +136,7 @@ def _tell_failures(
             tell(f"skipped: {row.log}: {row.problem} (traceback in {where})")
         else:
             tell(f"skipped: {row.problem}")
+    write_failures(rows, folder)
     if rows:
         code = FAULT if faults else BAD_INPUT
         stop(f"{len(rows)} of {n_logs} logs were skipped", code)
