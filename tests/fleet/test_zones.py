@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import multiprocessing
 import os
+import select
 import shutil
 import signal
 import subprocess
@@ -205,6 +206,16 @@ def test_an_interrupt_waits_for_no_zone(
     (tmp_path / "hold").unlink()
     run("fleet", logs, "--config", tmp_path / "raw.yaml", "--out", tmp_path / "out")
     assert not hidden_in(tmp_path / "out")
+
+
+def test_a_killed_fleet_leaves_no_process(logs: Path, tmp_path: Path) -> None:
+    fleet_run, process = start_and_hold(logs, tmp_path)
+    handle = os.pidfd_open(process)
+    fleet_run.kill()
+    fleet_run.wait()
+    ended, _, _ = select.select([handle], [], [], 60.0)  # the slow zone would wait for ever
+    os.close(handle)
+    assert ended
 
 
 def test_whoever_wants_no_more_results_leaves_no_process(logs: Path, tmp_path: Path) -> None:
