@@ -30,6 +30,7 @@ JARGON = re.compile(
 SECTIONS = [
     "What was found", "Confidence", "Limitations", "How to improve the result", "The cones",
 ]  # fmt: skip
+NOTES = "How the log was read"
 
 
 def sections(report: str) -> dict[str, str]:
@@ -43,12 +44,13 @@ def read(reconstruction: Reconstruction) -> dict[str, str]:
     report = people_report(reconstruction)
     assert JARGON.search(report.split("\n", 1)[1]) is None  # a name may be anything
     parts = sections(report)
-    assert list(parts) == ["", *SECTIONS]
+    noted = [NOTES] if reconstruction.notes else []
+    assert list(parts) == ["", *SECTIONS[:-1], *noted, SECTIONS[-1]]
     tokens = MarkdownIt("commonmark", {"html": True}).enable("table").parse(report)
     kinds = {t.type for token in tokens for t in (token, *(token.children or []))}
     assert not kinds & {"html_block", "html_inline", "link_open", "image", "em_open", "fence"}
     heads = [t for t in tokens if t.type == "heading_open"]
-    assert [h.tag for h in heads] == ["h1", *["h2"] * 5]
+    assert [h.tag for h in heads] == ["h1", *["h2"] * (5 + len(noted))]
     return parts
 
 
