@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gaia_uwb.alignment.causes import biased_anchors, likely_cause
+from gaia_uwb.alignment.causes import biased_anchors, drifting_clock, likely_cause
 from gaia_uwb.estimate import ReasonKind
 from gaia_uwb.projection import to_geodetic, to_local
 from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory
@@ -125,6 +125,24 @@ def test_one_radio_with_a_bias_of_its_own_is_named(more_m: float) -> None:
     (reason,) = biased_anchors(replace(scene, ranges=replace(scene.ranges, range_m=range_m)))
     assert (reason.kind, reason.cones) == (ReasonKind.RANGE_BIAS, ("c",))
     assert reason.numbers["bias_m"] == pytest.approx(more_m, abs=0.2)
+
+
+@pytest.mark.parametrize(("rate", "said"), [(0.01, "1.0 % fast"), (-0.02, "2.0 % slow")])
+def test_a_clock_that_is_fast_or_slow_is_named(rate: float, said: str) -> None:
+    scene = make_scene()
+    assert not list(drifting_clock(scene))
+    t_s = 30.0 + (scene.ranges.t_s - 30.0) * (1.0 + rate)
+    (reason,) = drifting_clock(replace(scene, ranges=replace(scene.ranges, t_s=t_s)))
+    assert reason.kind is ReasonKind.CLOCK
+    assert f"the radio's clock runs about {said}" in reason.text
+    assert reason.numbers["drift"] == pytest.approx(rate, rel=0.15)
+
+
+def test_noise_alone_is_no_drift() -> None:
+    scene = make_scene()
+    noise_m = np.random.default_rng(2).normal(0.0, 0.4, len(scene.ranges))
+    range_m = scene.ranges.range_m + noise_m
+    assert not list(drifting_clock(replace(scene, ranges=replace(scene.ranges, range_m=range_m))))
 
 
 def test_an_anchor_with_much_noise_is_not_called_biased() -> None:

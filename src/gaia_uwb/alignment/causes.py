@@ -28,7 +28,10 @@ _MOST_GAPS, _LONG_GAP, _LEAST_STEP_S = 3, 5.0, 0.5
 _MOST_BACK_S, _NEAR_STEP_S, _STEPS = 10.0, 0.1, 40
 _BIASES = 40
 _OWN_BIASES_M = np.arange(-1.0, 3.01, 0.2)
+_DRIFTS = (-0.05, -0.02, -0.01, -0.005, -0.0025, 0.0025, 0.005, 0.01, 0.02, 0.05)
+_LEAST_DRIFT_M, _DRIFT_BETTER = 0.1, 0.6
 _FEWEST_ANCHORS = 3
+_LEAST_BIAS_M = 0.35  # radios and obstacles differ by less all the time
 _LEAST_OWN_M, _STANDS_OUT, _OWN_BETTER = 0.1, 3.0, 0.4  # half of an anchor's errors exceed
 
 
@@ -152,8 +155,8 @@ def biased_anchors(scene: Scene, offset_s: float = 0.0, max_gap_s: float = 1.0) 
         as_others_m, alone_m = float(halves_m[common, n]), float(halves_m[own, n])
         more_m = float(_OWN_BIASES_M[own] - _OWN_BIASES_M[common])
         stands_out = as_others_m > max(_LEAST_OWN_M, _STANDS_OUT * usual_m)
-        inside = 0 < own < len(_OWN_BIASES_M) - 1
-        if stands_out and inside and alone_m < _OWN_BETTER * as_others_m:
+        known_well = 0 < own < len(_OWN_BIASES_M) - 1 and abs(more_m) > _LEAST_BIAS_M
+        if stands_out and known_well and alone_m < _OWN_BETTER * as_others_m:
             way = "long" if more_m > 0 else "short"
             text = (
                 f"{scene.anchor_ids[n]}: the ranges fit one place only if they are about "
@@ -166,6 +169,39 @@ def biased_anchors(scene: Scene, offset_s: float = 0.0, max_gap_s: float = 1.0) 
                 cones=(scene.anchor_ids[n],),
                 numbers={"bias_m": more_m},
             )
+
+
+def drifting_clock(scene: Scene, offset_s: float = 0.0, max_gap_s: float = 1.0) -> Iterator[Reason]:
+    """Yield a reason if the ranges fit much better with a radio clock that is fast or slow.
+
+    Parameters
+    ----------
+    scene, offset_s, max_gap_s
+        As for :func:`likely_cause`.
+    """
+    case = _Case.of(scene, offset_s, max_gap_s)
+    plain_m, _ = case.half_m()
+    if not _LEAST_DRIFT_M < plain_m < np.inf:
+        return
+    middle_s = float(np.median(scene.ranges.t_s))
+
+    def half_m(rate: float) -> float:
+        blocks = (
+            replace(block, t_s=middle_s + (block.t_s - middle_s) / (1.0 + rate))
+            for block in case.readings
+        )
+        return replace(case, readings=tuple(blocks)).half_m()[0]
+
+    left_m, rate = min((half_m(rate), rate) for rate in _DRIFTS)
+    if left_m < _DRIFT_BETTER * plain_m:
+        near = np.linspace(0.5 * rate, 1.5 * rate, 11).tolist()
+        left_m, rate = min((half_m(rate), rate) for rate in near)
+        way = "fast" if rate > 0 else "slow"
+        text = (
+            f"the radio's clock runs about {100.0 * abs(rate):.1f} % {way}: with that, half of the "
+            f"ranges fit within {metres(left_m)} instead of {metres(plain_m)}; it is not corrected"
+        )
+        yield Reason(ReasonKind.CLOCK, text, numbers={"drift": rate})
 
 
 def _undone(case: _Case) -> Iterator[tuple[str, _Case]]:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gaia_uwb._shared import Array, Float64, counted, metres
-from gaia_uwb.alignment.causes import biased_anchors, likely_cause
+from gaia_uwb.alignment.causes import biased_anchors, drifting_clock, likely_cause
 from gaia_uwb.alignment.contradictions import contradicted_anchors, rows_of_anchors
 from gaia_uwb.estimate import Reason, ReasonKind
 from gaia_uwb.scene import Scene, Trajectory
@@ -61,6 +61,7 @@ def log_problems(
         yield cause
     else:
         yield from contradicted_anchors(scene, offset_s, max_gap_s=max_gap_s)
+        yield from drifting_clock(scene, offset_s, max_gap_s)
         yield from biased_anchors(scene, offset_s, max_gap_s)
 
 
