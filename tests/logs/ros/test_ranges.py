@@ -108,6 +108,20 @@ def test_roles_are_chosen_by_the_element_and_tags_by_the_message(tmp_path: Path)
     assert log.notes[1] == "/uwb: skipped 48 readings other than of role 1, .id 2"
 
 
+def test_entries_that_fill_an_array_are_no_other_role(tmp_path: Path) -> None:
+    def fill(log: Log, k: int) -> dict[str, Any]:
+        node = log.types.types["acme_uwb/msg/Node"]
+        power = {"fp_rssi": -90.0, "rx_rssi": -80.0}
+        each = [node(role=1, id=3, dis=9.0 + k, **power), node(role=0, id=0, dis=0.0, **power)]
+        return {"header": log.header(START_S + k), "role": 2, "id": 1, "nodes": each}
+
+    path = write(tmp_path, NODES, fill, **{"acme_uwb/msg/Node": NODE})
+    log = RosLog(path)
+    assert set(ids(log.ranges(missing=[0.0]))) == {"3"}
+    with pytest.raises(InputError, match="no ranges: where leaves out all 48 readings"):
+        RosLog(path).ranges(where={"dis": 0.25})
+
+
 def test_of_a_linktracks_nodes_the_anchors_are_taken(tmp_path: Path) -> None:
     name = "nlink_parser/msg/LinktrackNodeframe2"
     text = NODES.replace("Node[]", "acme_uwb/Node[]")

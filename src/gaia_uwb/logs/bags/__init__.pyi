@@ -1,7 +1,6 @@
 from .container import (
     Bag as Bag,
     Channel as Channel,
-    Message as Message,
     is_packed as is_packed,
     unpack_message as unpack_message,
 )
@@ -12,7 +11,6 @@ from .ends import (
     values_of as values_of,
 )
 from .fields import (
-    BY_INDEX as BY_INDEX,
     BY_TOPIC as BY_TOPIC,
     FieldError as FieldError,
     FieldMap as FieldMap,

@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any, NamedTuple
 
+import numpy as np
 from pydantic import Field
 
 from gaia_uwb.config import Settings
@@ -166,8 +167,8 @@ class RangeFields:
     ) -> Iterator[Reading]:
         """Yield one range, if it counts."""
         if kept and not all(
-            self.wanted.accepts(each.name, value_of)
-            for each, value_of in zip(self.where, map(id_text, kept), strict=True)
+            self.wanted.accepts(each.name, text)
+            for each, text in zip(self.where, map(_text, kept), strict=True)
         ):
             self.n_left_out += 1
             return
@@ -178,7 +179,7 @@ class RangeFields:
         anchor, rssi, rssi_fp = columns
         anchor_id = id_text(anchor)
         self.n_read += 1
-        if others:
+        if others and raw > 0:  # an entry without a range may be there to fill an array
             key = (anchor_id, *map(id_text, others))
             if key in self.seen or len(self.seen) < _MOST_SEEN:
                 self.seen[key] = self.seen.get(key, 0) + 1
@@ -350,11 +351,13 @@ def id_text(value: Any) -> str:
     ValueError
         If it is a number with decimals.
     """
+    if isinstance(value, (float, np.floating)) and not value.is_integer():
+        raise ValueError(f"expected an id, got {value:g}")
+    return _text(value)
+
+
+def _text(value: Any) -> str:
+    """Return a value as ``where`` compares it."""
     if hasattr(value, "tobytes") and value.ndim > 0:
         return bytes(value.tobytes()).hex()
-    if isinstance(value, list):  # of bytes, or of texts: no id
-        return bytes(value).hex()
-    text = as_text(value)
-    if not isinstance(value, str) and "." in text:
-        raise ValueError(f"expected an id, got {float(value):g}")
-    return text
+    return bytes(value).hex() if isinstance(value, list) else as_text(value)
