@@ -5,13 +5,13 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import threading
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
 
+from gaia_uwb._shared import end_with_parent
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.fleet.dask import reconstruct_on_scheduler
 from gaia_uwb.fleet.zones import KILLED, ONE_THREAD, ZoneLogs, ZoneResult, reconstruct_zone
@@ -88,7 +88,7 @@ def _processes(workers: int) -> Iterator[ProcessPoolExecutor]:
     # Processes are started afresh: a fork would copy other libraries' threads half-way.
     spawn = multiprocessing.get_context("spawn")
     others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, mp_context=spawn, initializer=_end_with_parent)
+    pool = ProcessPoolExecutor(workers, mp_context=spawn, initializer=end_with_parent)
     try:
         yield pool
     except BaseException:  # Ctrl-C, or whoever took the results wants no more
@@ -98,18 +98,6 @@ def _processes(workers: int) -> Iterator[ProcessPoolExecutor]:
         raise
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def _end_with_parent() -> None:
-    """Let this process end when the one that started it does, even if that one is killed."""
-    threading.Thread(target=_wait_for_parent, daemon=True).start()
-
-
-def _wait_for_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 def _result(zone: ZoneLogs, job: Future[ZoneResult]) -> ZoneResult:
