@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import islice
 from multiprocessing import active_children
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -76,3 +77,32 @@ def test_an_impossible_part_is_told_by_the_worker_too() -> None:
         next(simulate_episodes(config, 2, seed=0))
     with pytest.raises(ConfigError, match="no layout"):
         next(simulate_episodes(config, 2, seed=0, workers=2))
+
+
+def test_what_goes_wrong_in_a_process_is_raised_here(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    broken = PRESETS["straight"].model_copy(update={"split": ["neither", "nor"]})
+    with pytest.raises(Exception, match=r".") as caught:  # whatever a bug raises
+        list(simulate_episodes(broken, 1, 0, workers=2))
+    assert "simulate_blocks" in "".join(caught.value.__notes__)
+    assert capfd.readouterr().err == ""
+
+    class Ended:
+        def recv(self) -> None:
+            raise EOFError
+
+        def close(self) -> None:
+            """Nothing is open."""
+
+    monkeypatch.setattr(
+        "gaia_uwb.simulate.batches.get_context",
+        lambda _: SimpleNamespace(
+            Pipe=lambda duplex: (Ended(), Ended()),
+            Process=lambda **_: SimpleNamespace(
+                start=lambda: None, terminate=lambda: None, join=lambda: None
+            ),
+        ),
+    )
+    with pytest.raises(ConfigError, match="was killed from outside"):
+        list(simulate_episodes(PRESETS["straight"], 1, 0, workers=2))

@@ -48,7 +48,10 @@ from .problems import (
     faults_text as faults_text,
     problem_of as problem_of,
 )
-from .processes import end_with_parent as end_with_parent
+from .processes import (
+    end_with_parent as end_with_parent,
+    without_interrupts as without_interrupts,
+)
 from .reading import (
     name_of as name_of,
     open_regular as open_regular,

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
 
-from gaia_uwb._shared import end_with_parent
+from gaia_uwb._shared import end_with_parent, without_interrupts
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.fleet.dask import reconstruct_on_scheduler
 from gaia_uwb.fleet.zones import KILLED, ONE_THREAD, ZoneLogs, ZoneResult, reconstruct_zone
@@ -121,18 +120,13 @@ def _alone(zone: ZoneLogs, out: Path, config: PipelineConfig) -> ZoneResult:
 
 @contextmanager
 def _as_worker() -> Iterator[None]:
-    """Give numerical libraries of new processes one thread each, and leave Ctrl-C to this one.
-
-    A terminal sends Ctrl-C to all processes. A signal that is blocked while a process is started
-    stays blocked there; here it is only late.
-    """
+    """Give numerical libraries of new processes one thread each, and leave Ctrl-C to this one."""
     before: Mapping[str, str | None] = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        yield
+        with without_interrupts():
+            yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         for name, value in before.items():
             if value is None:
                 os.environ.pop(name, None)

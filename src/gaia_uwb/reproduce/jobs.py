@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from gaia_uwb._shared import ConfigError, end_with_parent
+from gaia_uwb._shared import ConfigError, end_with_parent, without_interrupts
 
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
@@ -86,7 +86,8 @@ def run_jobs(
         while len(done) < len(order):
             for job in order:
                 if len(running) < workers and job.name not in started and _ready(job, names, done):
-                    running[pool.submit(job.work, *job.arguments)] = job
+                    with without_interrupts():  # a process is started here when one is needed
+                        running[pool.submit(job.work, *job.arguments)] = job
                     started.add(job.name)
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 job = running.pop(future)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 
-from gaia_uwb._shared import GaiaError
+from gaia_uwb._shared import ConfigError, without_interrupts
 from gaia_uwb.episode import Episode
 from gaia_uwb.scene import Scene
 from gaia_uwb.simulate.blocks import EpisodeBlock, simulate_blocks
@@ -119,14 +120,19 @@ def _simulate_elsewhere(
             process = context.Process(
                 target=_work, args=(there, config, n, seed, starts[worker::workers]), daemon=True
             )
-            process.start()
+            with without_interrupts():
+                process.start()
             there.close()  # it is the worker's now: without it, the pipe has ended
             for clean_up in (process.join, process.terminate, here.close):
                 stack.callback(clean_up)  # called last first
             pipes.append(here)
         for k in range(len(starts)):
-            made = pipes[k % workers].recv()
-            if isinstance(made, GaiaError):
+            try:
+                made = pipes[k % workers].recv()
+            except EOFError as error:
+                problem = "a simulating process was killed from outside, perhaps for lack of memory"
+                raise ConfigError(problem) from error
+            if isinstance(made, Exception):
                 raise made
             yield made
 
@@ -137,12 +143,13 @@ def _work(pipe: Connection, config: PassConfig, n: int, seed: int, starts: range
         sent: Future[None] | None = None
         for start in starts:
             try:
-                made: list[EpisodeBlock] | GaiaError
+                made: list[EpisodeBlock] | Exception
                 made = simulate_blocks(config, seed, _chunk(start, n))
-            except GaiaError as error:
+            except Exception as error:  # it is raised where somebody waits, and told there
+                error.add_note("".join(traceback.format_exception(error)))
                 made = error
             if sent is not None:
                 sent.result()
             sent = sender.submit(pipe.send, made)  # while the next chunk is made
-            if isinstance(made, GaiaError):
+            if isinstance(made, Exception):
                 return
