@@ -11,7 +11,7 @@ import csv
 import io
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count, islice
 from pathlib import Path
 
@@ -109,31 +109,38 @@ def sniff(path: Path, names: Sequence[str] | None = None) -> Dialect:
 
 def _sniff(path: Path, names: Sequence[str] | None) -> Dialect:
     encoding, line_end = _encoding(path)
-    raw = Dialect((), encoding=encoding, line_end=line_end)
-    above, sample = _split_off_comments(_first_lines(path, raw))
-    separator = None
-    if names is None and len(sample) > 1 and (excel := _EXCEL.fullmatch(sample[0][1].strip())):
-        separator, sample = excel[1], sample[1:]
+    text = Dialect((), encoding=encoding, line_end=line_end)
+    above, sample = _split_off_comments(_first_lines(path, text))
     if not sample and (names is not None or not above):
         raise InputError("is empty" if not above else "has no rows", source=path)
-    row, first = sample[0] if sample else above[-1]
-    lines = [line for _, line in sample[1:]]
-    rules = {"encoding": encoding, "line_end": line_end}
     if names is not None:
-        separator = _separator([first, *lines], len(names))
-        columns, header_row, comments = list(names), 0, True
-    else:
-        separator = separator or _separator([first, *lines])
-        columns, header_row = _cells(path, row, [first, *lines], separator), row
-        comments = bool(above)
-        if above and sample and columns and _looks_like_data(columns):
-            named = _names_above(above, len(columns), separator)
-            if named is not None:
-                header_row, columns = named
-                lines = [first, *lines]
-    table = [_split(line, separator) for line in lines]
-    decimal = frozenset() if separator == "," else _decimal_commas(columns, table)
-    return Dialect(tuple(columns), separator, header_row, comments, decimal, **rules)
+        lines = [line for _, line in sample]
+        separator = _separator(lines, len(names))
+        decimal = _decimal_commas(names, lines, separator)
+        return replace(
+            text,
+            names=tuple(names),
+            separator=separator,
+            header_row=0,
+            comments=True,
+            decimal_commas=decimal,
+        )
+    excel = _EXCEL.fullmatch(sample[0][1].strip()) if len(sample) > 1 else None
+    row, first = (sample[1:] if excel else sample or above[-1:])[0]
+    lines = [first, *(line for number, line in sample if number > row)]
+    separator = excel[1] if excel else _separator(lines)
+    columns = _cells(path, row, lines, separator)
+    if above and sample and columns and _looks_like_data(columns):
+        row, columns = _names_above(above, len(columns), separator) or (row, columns)
+    decimal = _decimal_commas(columns, lines, separator)
+    return replace(
+        text,
+        names=tuple(columns),
+        separator=separator,
+        header_row=row,
+        comments=bool(above),
+        decimal_commas=decimal,
+    )
 
 
 def table_lines(path: Path, dialect: Dialect) -> Iterator[str]:
@@ -281,8 +288,11 @@ def _names_above(
     return None
 
 
-def _decimal_commas(names: Sequence[str], table: Sequence[Sequence[str]]) -> frozenset[str]:
+def _decimal_commas(names: Sequence[str], lines: Sequence[str], separator: str) -> frozenset[str]:
     """Return the columns that hold numbers with a comma and none with a point."""
+    if separator == ",":
+        return frozenset()
+    table = [_split(line, separator) for line in lines]
     found = set()
     for k, name in enumerate(names):
         cells = [row[k].strip() for row in table if k < len(row)]

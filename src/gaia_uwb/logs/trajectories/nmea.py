@@ -13,7 +13,7 @@ from __future__ import annotations
 import datetime as dt
 import math
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -83,7 +83,7 @@ class _Fix:
     lon: float
     rank: int
     alt_m: float = math.nan
-    separation_known: bool = field(default=False)
+    separation_known: bool = False
 
 
 def read_nmea(
@@ -351,7 +351,7 @@ def _need_rows(rows: LogRows, count: _Count) -> None:
         return
     row = None
     if count.n_bare:
-        problem, row = "its sentences have no checksums: checksums: optional reads them", 0
+        problem = "its sentences have no checksums: checksums: optional reads them"
         row = count.first_broken
     elif count.n_broken:
         problem, row = "all sentences with a fix are broken (form or checksum)", count.first_broken
