@@ -177,6 +177,7 @@ def test_only_the_rows_of_one_tag(tmp_path: Path) -> None:
         read_ranges(path, columns, STAMPS, where={"tagId": 3})
     with pytest.raises(InputError, match="column tag: missing"):
         read_ranges(path, columns, STAMPS, where={"tag": 3})
+    assert str(caught.value).endswith("(or is this the anchor's id?)")  # there is one anchor only
     # where the tag is the id that is asked for, nothing is to be chosen
     own = columns.model_copy(update={"anchor_id": "tagId"})
     assert len(read_ranges(path, own, STAMPS)[0]) == 4

@@ -121,9 +121,11 @@ def _check_one_tag(table: Table, names: Sequence[str], place: str) -> None:
         tags = [table.labels[name][code] for code in np.unique(table[name])]
         tags = [tag.removesuffix(".0") for tag in tags if tag]
         if len(tags) > 1:
+            one_anchor = any(len(table.labels[n]) == 1 for n in table.labels if n not in names)
+            other = " (or is this the anchor's id?)" if one_anchor else ""
             problem = (
                 f"holds ranges of {len(tags)} tags ({_some(tags)}), and one log is of one tag: "
-                f"choose it by where: {{{_in_yaml(name)}: {_in_yaml(tags[0])}}} in {place}"
+                f"choose it by where: {{{_in_yaml(name)}: {_in_yaml(tags[0])}}} in {place}{other}"
             )
             raise table.error(problem, column=name)
 
