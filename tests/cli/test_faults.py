@@ -164,6 +164,24 @@ def test_a_log_with_a_fault_leaves_the_rest_of_its_zone(logs: Path, tmp_path: Pa
     assert not (tmp_path / "out" / "fleet.json").exists()
 
 
+def test_the_logs_of_a_zone_without_a_result_are_told_too(
+    logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise ArithmeticError("no boundary")
+
+    bad = tmp_path / "bad"
+    bad.mkdir()
+    zone = ZoneLogs("zone", (str(bad),))
+    problems = [each.problem for each in reconstruct_zone(zone, tmp_path / "out", RAW).failures]
+    assert problems[0].startswith(f"{bad}: has no trajectory.csv")
+    assert problems[1:] == ["zone: none of its logs can be used"]
+    monkeypatch.setattr("gaia_uwb.pipeline.reconstruct_passes", fail)
+    zone = ZoneLogs("zone", (str(bad), str(logs / "first")))
+    problems = [each.problem for each in reconstruct_zone(zone, tmp_path / "out", RAW).failures]
+    assert problems[1:] == ["a fault of the program: ArithmeticError: no boundary"]
+
+
 def test_what_cannot_be_handed_to_a_process_is_a_failed_zone(logs: Path, tmp_path: Path) -> None:
     unsendable = PipelineConfig(denoiser="raw").model_copy(update={"denoiser": lambda: None})
     (zone, *_) = find_zones(logs)

@@ -249,36 +249,41 @@ def reconstruct_zone(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> Zo
     ZoneResult
         With the logs that were skipped. Whatever goes wrong is told in it and never raised.
     """
+    failures: list[Failure] = []  # of single logs: they are told even where there is no result
     try:
-        return _reconstruct_zone(zone, folder, config)
+        return _reconstruct_zone(zone, folder, config, failures)
     except Exception as error:  # a fault in one zone must not cost the others
-        return ZoneResult.failed(zone, error)
+        failed = ZoneResult.failed(zone, error)
+        return replace(failed, failures=(*failures, *failed.failures))
 
 
-def _reconstruct_zone(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> ZoneResult:
+def _reconstruct_zone(
+    zone: ZoneLogs, folder: Path, config: PipelineConfig, failures: list[Failure]
+) -> ZoneResult:
     digest = _digest(zone, config)
     try:
         done = json.loads(read_regular(folder / _DONE, most_bytes=_MAX_MANIFEST_BYTES))
         if done["digest"] == digest:
-            failures = tuple(Failure(**row) for row in done["result"].pop("failures"))
-            return ZoneResult(**done["result"], failures=failures)
+            skipped = tuple(Failure(**row) for row in done["result"].pop("failures"))
+            return ZoneResult(**done["result"], failures=skipped)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         pass  # not done yet, or done from something else
-    result = _fused(zone, folder, config)
+    result = _fused(zone, folder, config, failures)
     if not result.has_fault:  # one that has is done again: the program may be mended by then
         content = {"digest": digest, "result": asdict(result)}
         OutputFolder(folder).write(_DONE, json.dumps(content, indent=1) + "\n")
     return result
 
 
-def _fused(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> ZoneResult:
+def _fused(
+    zone: ZoneLogs, folder: Path, config: PipelineConfig, failures: list[Failure]
+) -> ZoneResult:
     from gaia_uwb.locate import in_one_frame
     from gaia_uwb.outputs import write_all
     from gaia_uwb.pipeline import prepare, reconstruct_passes
 
     OutputFolder(folder).remove(_DONE)
     scenes: list[Scene] = []
-    failures: list[Failure] = []
     for log in zone.logs:
         try:
             for scene in _new_drives(log, scenes):
@@ -286,7 +291,7 @@ def _fused(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> ZoneResult:
         except Exception as error:  # a fault in one log must not cost the others
             failures.append(Failure.of(zone.name, log, error))
     episodes = []
-    for scene in in_one_frame(scenes):
+    for scene in in_one_frame(scenes) if scenes else ():
         try:
             episodes.append(prepare(scene, config))
         except ConfigError:
@@ -294,9 +299,7 @@ def _fused(zone: ZoneLogs, folder: Path, config: PipelineConfig) -> ZoneResult:
         except Exception as error:
             failures.append(Failure.of(zone.name, scene.name, error))
     if not episodes:
-        problem = InputError("none of its logs can be used", source=zone.name)
-        failed = ZoneResult.failed(zone, problem)
-        return replace(failed, failures=(*failures, *failed.failures))
+        raise InputError("none of its logs can be used", source=zone.name)
     result = reconstruct_passes(episodes, config)
     write_all(result, folder)
     return ZoneResult(
