@@ -31,11 +31,13 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from gaia_uwb._shared.errors import ConfigError
+from gaia_uwb._shared.reading import read_regular
 
 _RUN = secrets.token_hex(4)  # a process may get the number of one that was killed
 _TEMPORARY = re.compile(r"\.gaia-([0-9a-f]{8})-([0-9]+)-([0-9a-f]{8})-.+", re.DOTALL)
 _ABANDONED_S = 86_400.0
 _RECORD = ".gaia-files"
+_LONGEST_RECORD = 2**24
 
 
 class OutputFolder:
@@ -134,7 +136,9 @@ class OutputFolder:
     def names(self) -> set[str]:
         """Return the names on the folder's record: of files that we wrote, or were about to."""
         try:
-            text = (self.path / _RECORD).read_text(encoding="utf-8", errors="replace")
+            text = read_regular(self.path / _RECORD, most_bytes=_LONGEST_RECORD).decode(
+                "utf-8", "replace"
+            )
         except FileNotFoundError:
             return set()
         except OSError as error:
