@@ -144,7 +144,7 @@ class OutputFolder:
         except OSError as error:
             problem = f"cannot be read: {_reason(error)}"
             raise ConfigError(f"{self.path / _RECORD}: {problem}") from error
-        return set(text.split("\n")) - {""}
+        return set(content.decode("utf-8", "replace").split("\n")) - {""}
 
     def remove(self, name: str) -> None:
         """Remove a file of an earlier run, if it is there; a file of somebody else's stays.
