@@ -136,9 +136,7 @@ class OutputFolder:
     def names(self) -> set[str]:
         """Return the names on the folder's record: of files that we wrote, or were about to."""
         try:
-            text = read_regular(self.path / _RECORD, most_bytes=_LONGEST_RECORD).decode(
-                "utf-8", "replace"
-            )
+            content = read_regular(self.path / _RECORD, most_bytes=_LONGEST_RECORD)
         except FileNotFoundError:
             return set()
         except OSError as error:
