@@ -82,7 +82,7 @@ def is_missing(value: float, missing: Sequence[float]) -> bool:
 
     Examples
     --------
-    >>> is_missing(65.53500366210938, [0, 65.535])
+    >>> is_missing(65.53500366210938, [0.0, 65.535])
     True
     """
     return any(abs(value - each) <= 1e-7 * abs(each) for each in missing)
