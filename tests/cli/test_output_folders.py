@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from gaia_uwb import models
 from gaia_uwb.logs.native import write_native
 from gaia_uwb.simulate import load
+
+SHIPPED = Path(models.__file__).parent / "shipped"
 
 
 def content_of(folder: Path) -> dict[str, bytes | None]:
@@ -26,6 +29,7 @@ def logs(tmp_path: Path) -> Path:
         write_native(load("lane-closure/1")[0], folder / name, kind)  # type: ignore[arg-type]
         (folder / name / ".gaia-files").unlink()
         (folder / name / "scene.yaml").unlink()  # so that the folder's name is the log's
+    shutil.copytree(SHIPPED / "pose-mlp-stress", folder / "model")
     return folder
 
 
@@ -44,6 +48,9 @@ COMMANDS = {
     "simulate episodes": ("simulate", "--episodes", "2", "--as", "episodes", "--out", "logs/a"),
     "calibrate": ("simulate", "--calibrate-from", "logs/a", "--out", "logs/a"),
     "evaluate": ("evaluate", "logs/a", "--methods", "raw", "--out", "logs/a"),
+    "into the model's folder": (
+        *("reconstruct", "logs/a", "--denoiser", "pose-mlp:logs/model", "--out", "logs/model"),
+    ),
     "evaluate the folder": ("evaluate", "logs", "--methods", "raw", "--out", "logs"),
 }
 
@@ -51,7 +58,7 @@ COMMANDS = {
 @pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS.keys())
 def test_a_log_is_as_before_whatever_the_command(run, logs: Path, command: tuple[str, ...]) -> None:  # type: ignore[no-untyped-def]
     before = content_of(logs)
-    code, _, err = run(*(str(logs.parent / x) if x.startswith("logs") else x for x in command))
+    code, _, err = run(*(word.replace("logs", str(logs)) for word in command))
     assert code == 2
     assert err.count("\n") == 1
     assert "results need another folder" in err or "was not written by gaia" in err
@@ -106,3 +113,15 @@ def test_a_simulation_replaces_itself_but_not_a_log_that_was_put_in_its_place(
     assert code == 2
     assert "holds a log" in err
     assert content_of(tmp_path / "sim") == before
+
+
+def test_a_page_is_replaced_only_where_this_command_wrote_it(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    page = tmp_path / "notes.md"
+    page.write_text("Notes of many years.\n", encoding="utf-8")
+    command = ("reproduce", "page", "--out", tmp_path / "out", "--page")
+    code, _, err = run(*command, page)
+    assert code == 2
+    assert "notes.md: was not written by gaia reproduce" in err
+    assert page.read_text(encoding="utf-8") == "Notes of many years.\n"
+    for _ in range(2):
+        assert run(*command, tmp_path / "results.md")[0] == 0

@@ -14,6 +14,7 @@ from gaia_uwb.cli.options import (
     SolverOption,
     SourceArgument,
     make_settings,
+    model_folders,
     version,
 )
 from gaia_uwb.cli.terminal import Progress, print_results
@@ -48,7 +49,7 @@ def evaluate(
     settings = make_settings(config, None, solver)
     names = _methods(methods)
     steps = _length(length)
-    folder = results_folder(out, [source], data_dir=data_dir)
+    folder = results_folder(out, [source, *model_folders(names)], data_dir=data_dir)
     folder.claim(["config.yaml", "episodes.csv", "results.json"])
     scenes = load_scenes(source, data_dir=data_dir)
     with Progress() as progress:

@@ -10,7 +10,7 @@ import typer
 
 from gaia_uwb._shared import FAULTS_LOG, written_out
 from gaia_uwb.cli.exit_codes import FAULT, UNRELIABLE, tell
-from gaia_uwb.cli.options import ConfigOption, OutOption
+from gaia_uwb.cli.options import ConfigOption, OutOption, model_folders
 from gaia_uwb.cli.terminal import Progress
 
 
@@ -45,7 +45,9 @@ def fleet(
     settings = PipelineConfig() if config is None else load_config(config)
     zones = find_zones(source, out)
     logs = (log for zone in zones for log in zone.logs)
-    results_folder(out, [source, *logs]).claim([ZONES, *FAILURE_FILES])
+    results_folder(out, [source, *logs, *model_folders([settings.denoiser])]).claim(
+        [ZONES, *FAILURE_FILES]
+    )
     results = []
     with Progress() as progress:
         progress.update("zones", 0, len(zones))

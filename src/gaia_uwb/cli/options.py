@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, no_type_check
 import typer
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from gaia_uwb.config import PipelineConfig
 
 
@@ -158,6 +160,17 @@ def version() -> str:
     from gaia_uwb import __version__
 
     return __version__
+
+
+def model_folders(denoisers: Iterable[str]) -> list[Path]:
+    """Return what denoisers name after a colon: the folders of their models, or shipped ones.
+
+    Parameters
+    ----------
+    denoisers
+        As on the command line.
+    """
+    return [Path(model) for _, _, model in (name.partition(":") for name in denoisers) if model]
 
 
 def require_torch() -> None:

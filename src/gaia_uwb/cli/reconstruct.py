@@ -19,6 +19,7 @@ from gaia_uwb.cli.options import (
     SolverOption,
     SpacingOption,
     make_settings,
+    model_folders,
     with_prior,
 )
 from gaia_uwb.cli.terminal import Progress, print_summary
@@ -78,7 +79,8 @@ def reconstruct(
 
     settings = make_settings(config, denoiser, solver)
     settings = with_prior(settings, side, closure, spacing, known_anchor)
-    results = results_folder(out, sources, data_dir=data_dir)
+    read: list[str | Path] = [*sources, *model_folders([settings.denoiser])]
+    results = results_folder(out, read, data_dir=data_dir)
     scenes: list[Scene] = []
     failures: list[tuple[str | Path, Exception]] = []
     with Progress() as progress:
@@ -99,7 +101,7 @@ def reconstruct(
             folders = _folders(out, [scene.name for scene in scenes], several=n_logs > 1)
             runs = [([scene], folder) for scene, folder in zip(scenes, folders, strict=True)]
         for _, folder in runs:
-            results_folder(folder, sources, data_dir=data_dir).claim(RESULT_FILES)
+            results_folder(folder, read, data_dir=data_dir).claim(RESULT_FILES)
         for passes, folder in progress.track(runs, "reconstruct"):
             try:
                 result, metrics = reconstruct_and_score(passes, settings)

@@ -86,7 +86,7 @@ def train(
     chosen = chosen.model_copy(update={"sets": sets_options})
     if recipe is not None:
         chosen = load_recipe(recipe, chosen)
-    folder = results_folder(out, [data], data_dir=data_dir)
+    folder = results_folder(out, [data, *([base] if base else [])], data_dir=data_dir)
     with Watch() as progress:
         progress.update("prepare the training data")
         sets = _window_sets(data, split, chosen, data_dir)
