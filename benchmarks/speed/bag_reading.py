@@ -27,7 +27,7 @@ def read(path: Path) -> None:
     from gaia_uwb.logs import read_described
 
     start, cpu = time.perf_counter(), time.process_time()
-    scene, _ = read_described(path)
+    scene = read_described(path)
     row = {
         "wall_s": time.perf_counter() - start,
         "cpu_s": time.process_time() - cpu,

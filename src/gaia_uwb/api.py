@@ -25,7 +25,7 @@ from gaia_uwb.logs import (
     is_described,
     is_native,
     read_described,
-    read_with_notes,
+    read_native,
 )
 from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.scene import Scene
@@ -237,7 +237,7 @@ def read_log(path: Path) -> Scene:
     InputError, ConfigError
         If the data or their description are wrong.
     """
-    return (read_described(path) if is_described(path) else read_with_notes(path))[0]
+    return read_described(path) if is_described(path) else read_native(path)
 
 
 def logs_of(source: str) -> list[Path]:

@@ -42,7 +42,8 @@ def write(folder: Path, description: object = CSV) -> Path:
 
 
 def test_several_logs_of_one_drive(tmp_path: Path) -> None:
-    scene, notes = read_described(write(tmp_path / "pass"))
+    scene = read_described(write(tmp_path / "pass"))
+    notes = scene.notes
     assert scene.name == "pass"
     assert scene.anchor_ids == ("A", "B")
     assert scene.ranges.t_s.tolist() == [0.0, 0.5, 1.0, 1.5]
@@ -60,14 +61,14 @@ def test_columns_of_which_nothing_was_taken_are_noted(tmp_path: Path) -> None:
     folder = write(tmp_path / "pass", {**CSV, "ranges": [ranges]})
     rows = "t,x,y,id,d,hdop,temp\n0,0,0,A,7,1,20\n1,5,0,A,8,1,20\n2,10,0,B,9,1,21\n"
     (folder / "drive.csv").write_text(rows, encoding="utf-8")
-    assert read_described(folder)[1] == ("drive.csv: ignored columns: hdop, temp",)
+    assert read_described(folder).notes == ("drive.csv: ignored columns: hdop, temp",)
 
 
 def test_lever_arm_anchors_and_name(tmp_path: Path) -> None:
     more = {"name": "x", "anchors": "anchors.csv", "lever_arm": {"forward_m": 2.0, "left_m": -1.0}}
     folder = write(tmp_path / "pass", {**CSV, **more})
     (folder / "anchors.csv").write_text("anchor_id,up_m\nA,1.5\n", encoding="utf-8")
-    scene, _ = read_described(folder)
+    scene = read_described(folder)
     assert scene.name == "x"
     np.testing.assert_allclose(scene.trajectory.position_m, [[2, -1], [7, -1], [12, -1]])
     assert scene.anchor_up_m is not None
@@ -168,7 +169,7 @@ def test_tables_with_our_names_need_no_map(tmp_path: Path) -> None:
     for given in (trajectory, {"file": "gnss.csv"}):
         description = {"trajectory": given, "ranges": [ranges]}
         (folder / "gaia.yaml").write_text(yaml.safe_dump(description), encoding="utf-8")
-        scene, _ = read_described(folder)
+        scene = read_described(folder)
         assert scene.ranges.range_m.tolist() == [7, 8]
         assert scene.trajectory.up_m is not None
     (folder / "gnss.csv").write_text("t_s,breite,lon\n0,48,11\n", encoding="utf-8")
@@ -182,9 +183,9 @@ def test_tables_with_our_names_need_no_map(tmp_path: Path) -> None:
 def test_columns_say_that_it_is_a_table(tmp_path: Path) -> None:
     trajectory = {k: v for k, v in CSV["trajectory"].items() if k != "format"}
     ranges = [{k: v for k, v in given.items() if k != "format"} for given in CSV["ranges"]]
-    whole, _ = read_described(write(tmp_path / "whole"))
+    whole = read_described(write(tmp_path / "whole"))
     short = write(tmp_path / "short", {**CSV, "trajectory": trajectory, "ranges": ranges})
-    scene, _ = read_described(short)
+    scene = read_described(short)
     assert scene.ranges.range_m.tolist() == whole.ranges.range_m.tolist()
 
 

@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from gaia_uwb._shared.errors import ConfigError, GaiaError, InputError, SourceError
 from gaia_uwb._shared.files import visible
-from gaia_uwb.logs.native import is_native, read_native, read_with_notes, write_native
+from gaia_uwb.logs.native import is_native, read_native, write_native
 from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory, Truth
 
 # A folder per example is made inside one folder per test.
@@ -134,7 +134,8 @@ def make_folder(tmp_path: Path, **files: str) -> Path:
 
 def test_reads_the_smallest_scene(tmp_path: Path) -> None:
     folder = make_folder(tmp_path)
-    scene, notes = read_with_notes(folder)
+    scene = read_native(folder)
+    notes = scene.notes
     assert is_native(folder)
     assert (scene.name, scene.anchor_ids, notes) == ("drive", ("a", "b"), ())
     assert scene.frame is scene.truth is scene.anchor_up_m is scene.trajectory.up_m is None
@@ -153,7 +154,8 @@ def test_ranges_out_of_order_are_sorted_and_told(tmp_path: Path) -> None:
     ranges = "t_s,anchor_id,range_m,nlos,note\n1,b,7,1,x\n0,a,5,0,y\n"
     anchors = "anchor_id,east_m,north_m\na,1,2\nb,3,4\n"
     folder = make_folder(tmp_path, ranges_csv=ranges, anchors_csv=anchors)
-    scene, notes = read_with_notes(folder)
+    scene = read_native(folder)
+    notes = scene.notes
     np.testing.assert_array_equal(scene.ranges.t_s, [0, 1])
     np.testing.assert_array_equal(scene.ranges.range_m, [5, 7])
     assert scene.truth is not None
@@ -168,7 +170,8 @@ def test_ranges_out_of_order_are_sorted_and_told(tmp_path: Path) -> None:
 def test_rows_that_repeat_a_time_are_left_out_and_counted(tmp_path: Path) -> None:
     drive = "t_s,east_m,north_m\n2,20,0\n0,0,0\n1,10,1\n1,99,9\n"
     ranges = "t_s,anchor_id,range_m\n1,a,7\n1,b,8\n1,a,9\n0,a,5\n"
-    scene, notes = read_with_notes(make_folder(tmp_path, trajectory_csv=drive, ranges_csv=ranges))
+    scene = read_native(make_folder(tmp_path, trajectory_csv=drive, ranges_csv=ranges))
+    notes = scene.notes
     np.testing.assert_array_equal(scene.trajectory.position_m, [[0, 0], [10, 1], [20, 0]])
     np.testing.assert_array_equal(scene.ranges.range_m, [5, 7, 8])
     assert notes == (
@@ -182,7 +185,8 @@ def test_rows_that_repeat_a_time_are_left_out_and_counted(tmp_path: Path) -> Non
 def test_what_is_no_range_is_left_out_with_its_truth(tmp_path: Path) -> None:
     ranges = "t_s,anchor_id,range_m,nlos\n0,a,0,1\n0,b,5,0\n1,a,7,1\n1,b,-1,0\n"
     anchors = "anchor_id,east_m,north_m\na,1,2\nb,3,4\n"
-    scene, notes = read_with_notes(make_folder(tmp_path, ranges_csv=ranges, anchors_csv=anchors))
+    scene = read_native(make_folder(tmp_path, ranges_csv=ranges, anchors_csv=anchors))
+    notes = scene.notes
     np.testing.assert_array_equal(scene.ranges.range_m, [5, 7])
     assert scene.truth is not None
     assert scene.truth.nlos is not None
@@ -192,7 +196,8 @@ def test_what_is_no_range_is_left_out_with_its_truth(tmp_path: Path) -> None:
 
 def test_anchors_table_gives_order_heights_and_survey(tmp_path: Path) -> None:
     anchors = "anchor_id,up_m,east_m,north_m\nspare,,1,2\nb,0.7,3,4\n"
-    scene, notes = read_with_notes(make_folder(tmp_path, anchors_csv=anchors))
+    scene = read_native(make_folder(tmp_path, anchors_csv=anchors))
+    notes = scene.notes
     assert scene.anchor_ids == ("spare", "b", "a")
     np.testing.assert_array_equal(scene.anchor_up_m, [np.nan, 0.7, np.nan])  # type: ignore[arg-type]
     assert scene.truth is None
@@ -204,7 +209,8 @@ def test_anchors_table_gives_order_heights_and_survey(tmp_path: Path) -> None:
 
 def test_truth_without_a_survey_is_told(tmp_path: Path) -> None:
     ranges = "t_s,anchor_id,range_m,true_range_m\n0,a,5,4.9\n"
-    scene, notes = read_with_notes(make_folder(tmp_path, ranges_csv=ranges))
+    scene = read_native(make_folder(tmp_path, ranges_csv=ranges))
+    notes = scene.notes
     assert scene.truth is None
     assert notes == ("ranges.csv: true_range_m ignored, as no cone is surveyed",)
 
@@ -412,7 +418,8 @@ def test_empty_cells_are_no_ranges(tmp_path: Path) -> None:
     rows = ["0,a,5", "0.2,b,", "0.4,a,NaN", "0.6,b,6.5", "0.8,a,-1", "1,b,65.535"]
     text = "t_s,anchor_id,range_m\n" + "\n".join(rows) + "\n"
     folder = make_folder(tmp_path, ranges_csv=text, scene_yaml="missing: [-1, 65.535]")
-    scene, notes = read_with_notes(folder)
+    scene = read_native(folder)
+    notes = scene.notes
     assert scene.ranges.range_m.tolist() == [5.0, 6.5]
     assert "ranges.csv: skipped 4 cells without a range (empty, or -1, 65.535)" in notes
     empty = "t_s,anchor_id,range_m\n0,a,\n1,a,\n"
@@ -427,7 +434,8 @@ def test_two_tags_in_one_table_are_refused_until_one_is_chosen(tmp_path: Path) -
         read_native(folder)
     (way_out,) = re.findall("(where: {.*}) in scene.yaml", str(caught.value))
     (folder / "scene.yaml").write_text(way_out, encoding="utf-8")
-    scene, notes = read_with_notes(folder)
+    scene = read_native(folder)
+    notes = scene.notes
     assert scene.ranges.range_m.tolist() == [5.0, 6.0]
     assert "ranges.csv: 2 of 4 rows are those that where wants" in notes
     one = make_folder(tmp_path / "one", ranges_csv=text.replace("T2", "T1"))
@@ -455,7 +463,8 @@ def test_the_way_out_can_be_copied(tmp_path: Path, tags: tuple[str, str]) -> Non
 def test_rows_without_a_fix_are_named_and_left_out(tmp_path: Path, rows: str, words: str) -> None:
     ranges = "t_s,anchor_id,range_m\n2.5,a,5\n"
     folder = make_folder(tmp_path, trajectory_csv="t_s,lat,lon\n" + rows, ranges_csv=ranges)
-    scene, notes = read_with_notes(folder)
+    scene = read_native(folder)
+    notes = scene.notes
     assert scene.trajectory.t_s.tolist() == [2, 3]
     assert scene.frame == LocalFrame(48.1, 11.5, 0.0)
     assert any(words in note and "the first is row 2" in note for note in notes)
@@ -503,7 +512,8 @@ def test_tables_of_a_spreadsheet_in_europe(tmp_path: Path, separator: str, encod
     for name, text in tables.items():
         path = folder / f"{name}.csv"
         path.write_bytes(text.replace(";", separator).encode(encoding))
-    scene, notes = read_with_notes(folder)
+    scene = read_native(folder)
+    notes = scene.notes
     assert scene.trajectory.position_m.tolist() == [[0, 0.5], [10.25, 0.5]]
     assert (scene.anchor_ids, scene.ranges.range_m.tolist()) == (("a,1", "b"), [5.25])
     assert sum("between the columns and decimal commas" in note for note in notes) == 2
@@ -538,7 +548,8 @@ def test_times_may_be_dates(tmp_path: Path, name: str, drive: str, ranges: str) 
         trajectory_csv=f"{name},lat,lon\n{drive},48,11\n{drive[:-1]}1,48,11.0001\n",
         ranges_csv=f"{name},anchor_id,range_m\n{ranges},a,5\n",
     )
-    scene, notes = read_with_notes(folder)
+    scene = read_native(folder)
+    notes = scene.notes
     assert scene.trajectory.t_s.tolist() == [1772528400, 1772528401]
     assert scene.ranges.t_s.tolist() == [1772528400.5]
     assert "ranges.csv: dates and times without a zone are taken as UTC" in notes

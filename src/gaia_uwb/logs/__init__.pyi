@@ -13,7 +13,6 @@ from .input_description import InputDescription as InputDescription
 from .native import (
     is_native as is_native,
     read_native as read_native,
-    read_with_notes as read_with_notes,
     write_native as write_native,
 )
 from .outdoor_static import StaticFile as StaticFile, load_static as load_static

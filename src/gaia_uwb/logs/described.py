@@ -58,7 +58,7 @@ def is_described(path: Path) -> bool:
     return is_ros_file(path) and path.is_file()
 
 
-def read_described(path: Path) -> tuple[Scene, tuple[str, ...]]:
+def read_described(path: Path) -> Scene:
     """Read a ROS log, or a folder with a ``gaia.yaml``.
 
     Parameters
@@ -69,9 +69,7 @@ def read_described(path: Path) -> tuple[Scene, tuple[str, ...]]:
     Returns
     -------
     Scene
-        The scene.
-    tuple of str
-        Notes on what was tolerated on the way.
+        With notes on what was tolerated on the way, and problems that spoil a result.
 
     Raises
     ------
@@ -149,8 +147,8 @@ class _Reader:
         self._unused: dict[Path, tuple[str, ...]] = {}  # columns of a file
         self._logs: dict[tuple[Path, str | None], RosLog] = {}
 
-    def scene(self) -> tuple[Scene, tuple[str, ...]]:
-        """Return the scene and the notes."""
+    def scene(self) -> Scene:
+        """Return what the files hold."""
         given = self._description
         drive = self._drive()
         ranges = self._ranges(float(np.median(drive["t_s"])))
@@ -160,7 +158,7 @@ class _Reader:
         table = None if given.anchors is None else self._anchors_file(given.anchors)
         anchors = read_anchors(table, frame, ranges.labels["anchor_id"])
         order = ranges["t_s"].argsort(kind="stable")
-        scene = Scene(
+        return Scene(
             name=given.name if given.name is not None else name_of(self._folder),
             trajectory=Trajectory(t_s=drive["t_s"], position_m=places.position_m, up_m=places.up_m),
             ranges=range_log(ranges, order, anchors.ids),
@@ -171,7 +169,6 @@ class _Reader:
             notes=(*dict.fromkeys(self._notes), *self._ignored()),
             problems=tuple(self._problems),
         )
-        return scene, scene.notes
 
     def _ignored(self) -> Iterator[str]:
         """Yield which columns of the files nothing was taken from."""

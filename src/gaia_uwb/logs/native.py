@@ -103,6 +103,11 @@ def read_native(folder: str | Path) -> Scene:
     folder
         Folder with the files that this module's text describes.
 
+    Returns
+    -------
+    Scene
+        With notes on what was tolerated on the way, and problems that spoil a result.
+
     Raises
     ------
     SourceError
@@ -111,29 +116,7 @@ def read_native(folder: str | Path) -> Scene:
         If a table is missing, or a file does not hold what it must hold: the message names the
         file, the row and the column.
     """
-    return read_with_notes(Path(folder))[0]
-
-
-def read_with_notes(folder: Path) -> tuple[Scene, tuple[str, ...]]:
-    """Read a scene like :func:`read_native`, and note what was tolerated on the way.
-
-    Parameters
-    ----------
-    folder
-        Folder with the files that this module's text describes.
-
-    Returns
-    -------
-    Scene
-        The scene.
-    tuple of str
-        One note per thing that a careful user would want to know, none if all is plain.
-
-    Raises
-    ------
-    SourceError, InputError
-        Like :func:`read_native`.
-    """
+    folder = Path(folder)
     if not folder.is_dir():
         raise SourceError(f"{folder}: no such folder")
     content = _read_scene_file(folder / _SCENE_FILE)
@@ -156,8 +139,7 @@ def read_with_notes(folder: Path) -> tuple[Scene, tuple[str, ...]]:
         truth=make_truth(ranges, order, anchors, content.clock_offset_s),
     )
     notes = (*path.notes, *log.notes, *left_out, *_notes(scene, drive, ranges, anchors))
-    scene = replace(scene, notes=notes, problems=(*path.problems, *log.problems))
-    return scene, scene.notes
+    return replace(scene, notes=notes, problems=(*path.problems, *log.problems))
 
 
 def write_native(

@@ -41,7 +41,8 @@ def test_messages_beside_the_database_are_read_and_nothing_is_touched(tmp_path: 
     path = killed_recording(tmp_path)
     before = {each.name: each.read_bytes() for each in tmp_path.glob("killed*")}
     assert is_described(path)
-    scene, notes = read_described(path)
+    scene = read_described(path)
+    notes = scene.notes
     assert (len(scene.trajectory), len(scene.ranges)) == (200, 120)
     note = "killed.db3: its recording was not closed; read with killed.db3-wal"
     assert notes[0] == note
@@ -81,7 +82,8 @@ def test_a_folder_without_a_description_is_told_by_its_names(tmp_path: Path) -> 
     for k in (0, 2, 10):
         write_part(folder, f"drive_{k}.mcap", 2 * k)
     assert is_described(folder)
-    scene, notes = read_described(folder)
+    scene = read_described(folder)
+    notes = scene.notes
     assert scene.trajectory.t_s[-1] == START_S + 39
     assert notes[0] == "drive: no metadata.yaml; read drive_0.mcap, drive_2.mcap, drive_10.mcap"
 
@@ -153,7 +155,7 @@ def test_a_bag_that_is_still_active_is_read(tmp_path: Path) -> None:
     path = write_drive(tmp_path, "bag")
     active = path.rename(tmp_path / "drive.bag.active")
     assert is_described(active)
-    assert read_described(active)[0].name == "drive"
+    assert read_described(active).name == "drive"
 
 
 def test_a_file_that_is_compressed_as_a_whole_is_named_so(tmp_path: Path) -> None:

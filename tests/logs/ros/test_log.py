@@ -43,7 +43,8 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.mark.parametrize("kind", FORMATS)
 def test_each_format_gives_the_scene_that_was_written(drives: dict[str, Path], kind: str) -> None:
-    scene, notes = read_described(drives[kind])
+    scene = read_described(drives[kind])
+    notes = scene.notes
     assert scene.anchor_ids == ("A1", "A2", "A10")
     assert notes == ("trajectory: /fix (NavSatFix)", TAKEN)
     np.testing.assert_allclose(scene.trajectory.t_s, START_S + np.arange(200) / 10, atol=1e-6)
@@ -56,7 +57,7 @@ def test_each_format_gives_the_scene_that_was_written(drives: dict[str, Path], k
 
 
 def test_all_formats_give_one_scene(drives: dict[str, Path]) -> None:
-    scenes = [read_described(path)[0] for path in drives.values()]
+    scenes = [read_described(path) for path in drives.values()]
     for scene in scenes[1:]:
         for a, b in ((scene.trajectory, scenes[0].trajectory), (scene.ranges, scenes[0].ranges)):
             for name, values in vars(a).items():
@@ -115,7 +116,7 @@ def test_an_array_of_messages_is_exploded(tmp_path: Path, kind: str) -> None:
         return {"header": log.header(START_S + k), "nodes": nodes}
 
     path = write_ranges(tmp_path, kind, "std_msgs/Header header\nNode[] nodes\n", each)
-    guessed = read_described(path)[0]
+    guessed = read_described(path)
     assert guessed.anchor_ids == ("3", "7")
     assert guessed.ranges.range_m.tolist()[:4] == [13, 17, 14, 18]
     assert guessed.ranges.rssi_fp_dbm is not None
@@ -128,7 +129,8 @@ def test_arrays_beside_each_other(tmp_path: Path) -> None:
         return {"ids": list(TWO_RANGES), "ranges": np.array([*TWO_RANGES.values()], np.float32)}
 
     path = write_ranges(tmp_path, "mcap", "string[] ids\nfloat32[] ranges\n", each)
-    scene, notes = read_described(path)
+    scene = read_described(path)
+    notes = scene.notes
     assert scene.anchor_ids == ("A", "B")
     assert scene.ranges.range_m.tolist()[:2] == [12.5, 30.25]
     assert notes == (
@@ -188,7 +190,8 @@ def test_readings_without_a_range_are_left_out_and_counted(tmp_path: Path) -> No
         range_m = np.nan if k == 2 else 9.0
         return {"header": log.header(START_S + k), "anchor_id": "A", "range": range_m, "rssi": 0.0}
 
-    scene, notes = read_described(write_ranges(tmp_path, "bag", FLAT, each))
+    scene = read_described(write_ranges(tmp_path, "bag", FLAT, each))
+    notes = scene.notes
     assert len(scene.ranges) == 4
     assert notes == (POSE, TAKEN, "/uwb: skipped 1 reading without a range")
 

@@ -63,7 +63,8 @@ def test_frames_are_chosen_in_a_description(tmp_path: Path) -> None:
     trajectory = {"file": "log", "format": "ros", "frames": frames}
     text = yaml.safe_dump({"trajectory": trajectory, "ranges": [{"file": "log", "format": "ros"}]})
     (tmp_path / "gaia.yaml").write_text(text, encoding="utf-8")
-    scene, notes = read_described(tmp_path)
+    scene = read_described(tmp_path)
+    notes = scene.notes
     np.testing.assert_allclose(scene.trajectory.position_m[:2], [[-1, 2], [0, 2]], atol=1e-9)
     assert notes[0] == "trajectory: /tf, frame /tag in map"
 

@@ -35,7 +35,8 @@ def write(folder: Path, content: str | bytes, name: str = "drive.log") -> Path:
 
 @pytest.mark.parametrize("kind", good.TRAJECTORIES)
 def test_every_format_gives_the_drive(tmp_path: Path, kind: str) -> None:
-    scene, notes = read_described(good.TRAJECTORIES[kind](tmp_path))
+    scene = read_described(good.TRAJECTORIES[kind](tmp_path))
+    notes = scene.notes
     path, position_m, up_m = scene.trajectory, DRIVE[:, 1:3], DRIVE[:, 3]
     if scene.frame is not None:
         position_m, up_m = to_local(scene.frame, *EARTH[:, 1:].T)
