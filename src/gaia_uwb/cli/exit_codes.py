@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
-from gaia_uwb._shared import FAULTS_LOG, GaiaError, OutputFolder, printable
+from gaia_uwb._shared import printable
 
 UNRELIABLE = 1
 """Done, but a result is unreliable."""
@@ -61,6 +60,10 @@ def keep_traceback(text: str, folder: Path | None) -> str:
         Of the results, if it is known and there; else a file in the system's folder for temporary
         files is used.
     """
+    import tempfile
+
+    from gaia_uwb._shared import FAULTS_LOG, GaiaError, OutputFolder
+
     if folder is not None and folder.is_dir():
         with suppress(GaiaError):  # where it cannot be written, the other place is tried
             return f"traceback in {OutputFolder(folder).write(FAULTS_LOG, text)}"
