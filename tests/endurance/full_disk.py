@@ -46,7 +46,7 @@ def try_command(name: str, now, before, folder: Path, step_kb: int) -> str:  # t
     assert helper.gaia(before(old)).wait() in (0, 1)
     new_files, old_files = helper.files_of(whole), helper.files_of(old)
     assert new_files.keys() == old_files.keys()
-    n = n_stopped = 0
+    n = n_stopped = n_half = n_lost = 0
     for over_old in (False, True):
         free_kb = 0
         while True:
@@ -61,12 +61,11 @@ def try_command(name: str, now, before, folder: Path, step_kb: int) -> str:  # t
                 what = f"{name}, {free_kb} kB free, over old results: {over_old}"
                 for path, content in left.items():
                     if path in {"zones.csv", "failures.csv"}:  # they say which zones failed
-                        assert content.endswith(b"\n"), f"{what}: {path}"
-                        continue
-                    assert content in (old_files[path], new_files[path]), f"{what}: {path}"
+                        n_half += not content.endswith(b"\n")
+                    else:
+                        n_half += content not in (old_files[path], new_files[path])
                 if over_old:
-                    lost = {path for path in old_files.keys() - left.keys() if not _last(path)}
-                    assert not lost, f"{what}: lost {lost}"
+                    n_lost += sum(not _last(path) for path in old_files.keys() - left.keys())
                 assert not helper.hidden_in(out), f"{what}: litter"
             n += 1
             if process.returncode in (0, 1) and left == new_files:
@@ -78,7 +77,7 @@ def try_command(name: str, now, before, folder: Path, step_kb: int) -> str:  # t
             assert any("No space left" in line for line in told), f"{what}: {lines}"
             n_stopped += 1
             free_kb += step_kb
-    return f"| `{name}` | {n} | {n_stopped} | 0 | 0 |"
+    return f"| `{name}` | {n} | {n_stopped} | {n_half} | {n_lost} |"
 
 
 def _last(path: str) -> bool:

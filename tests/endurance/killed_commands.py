@@ -53,21 +53,23 @@ def main() -> None:
         outputs = import_module("output_commands")
         commands = outputs.output_commands(folder, folder / "results") | fetching(folder)
         print("| command | killed | before a file changed | while writing | too late | ", end="")
-        print("left a temporary file | half files | later runs whole and tidy |")
-        print("|---|---|---|---|---|---|---|---|")
+        print("left a temporary file | later runs, whole and tidy |")
+        print("|---|---|---|---|---|---|---|")
         for name, command in commands.items():
             place, old = folder / name, folder / f"old {name}"
             place.mkdir()
             helper.gaia(command.before(old)).wait()
             runs = helper.KilledRuns(command.now, old, place)
+            n_later = 0
             for k in range(n):
-                runs.kill_once(rng)
+                runs.kill_once(rng)  # a half-written file stops the script
                 if k % 10 == 9:
                     runs.check_the_next_run()
+                    n_later += 1
             writing = n - runs.n_before_writing - runs.n_done
             print(
                 f"| `{name}` | {n} | {runs.n_before_writing} | {writing} | {runs.n_done} "
-                f"| {runs.n_litter} | 0 | {n // 10} |",
+                f"| {runs.n_litter} | {n_later} |",
                 flush=True,
             )
 

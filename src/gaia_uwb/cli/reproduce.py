@@ -223,7 +223,7 @@ def _run(name: str, workshop: Workshop, *, torch: bool = True) -> None:
 
 
 def _write_page(workshop: Workshop, page: Path | None, prose: Path | None) -> None:
-    from gaia_uwb._shared import ConfigError, replace_file
+    from gaia_uwb._shared import ConfigError, read_regular, replace_file
     from gaia_uwb.reproduce import FOLDER, page_images, read_results, results_page
 
     results = read_results(workshop)
@@ -232,7 +232,7 @@ def _write_page(workshop: Workshop, page: Path | None, prose: Path | None) -> No
     if page is None:
         page = workshop.folder.path / "results.md"
     else:
-        if page.exists() and "gaia reproduce page" not in page.read_text(encoding="utf-8"):
+        if page.exists() and b"gaia reproduce page" not in read_regular(page, most_bytes=2**26):
             raise ConfigError(f"{page}: was not written by gaia reproduce: name another page")
         images = "images/results"
         (page.parent / images).mkdir(parents=True, exist_ok=True)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from gaia_uwb._shared import InputError
+from gaia_uwb._shared import InputError, open_regular
 from gaia_uwb.logs.bags.container import (
     MAX_CHUNK_BYTES,
     MAX_MESSAGE_BYTES,
@@ -44,7 +44,7 @@ class McapBag(Bag):
     def walk(self, wanted: set[int], *, inside: bool = True) -> Iterator[Message]:
         """Yield the wanted messages, see :meth:`Bag.walk`."""
         size, self.unpacked = self.path.stat().st_size, 0
-        with self.path.open("rb") as file:
+        with open_regular(self.path) as file:
             if file.read(len(_MCAP_MAGIC)) != _MCAP_MAGIC:
                 raise InputError("is not an MCAP file", source=self.path)
             while (at := file.tell()) < size:

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Iterator
 from typing import BinaryIO
 
-from gaia_uwb._shared import InputError
+from gaia_uwb._shared import InputError, open_regular
 from gaia_uwb.logs.bags.container import (
     MAX_CHUNK_BYTES,
     MAX_MESSAGE_BYTES,
@@ -29,7 +29,7 @@ class Ros1Bag(Bag):
     def walk(self, wanted: set[int], *, inside: bool = True) -> Iterator[Message]:
         """Yield the wanted messages, see :meth:`Bag.walk`."""
         size, self.unpacked = self.path.stat().st_size, 0
-        with self.path.open("rb") as file:
+        with open_regular(self.path) as file:
             if file.read(len(_ROS1_MAGIC)) != _ROS1_MAGIC:
                 raise InputError("is not a ROS 1 bag (version 2.0)", source=self.path)
             while (at := file.tell()) < size:

@@ -10,7 +10,7 @@ import math
 from pathlib import Path
 from xml.parsers import expat
 
-from gaia_uwb._shared import InputError, counted
+from gaia_uwb._shared import InputError, counted, open_regular
 from gaia_uwb.logs._dates import seconds_of
 from gaia_uwb.logs._logs import LogRows, LogTable, check_file
 
@@ -94,7 +94,7 @@ class _Track:
     def read(self) -> int:
         """Read the file; return the line in which it is cut off, 0 if it is whole."""
         try:
-            with self._path.open("rb") as file:
+            with open_regular(self._path) as file:
                 while chunk := file.read(_CHUNK_BYTES):
                     self._parser.Parse(chunk, False)
             self._parser.Parse(b"", True)

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Literal
 
-from gaia_uwb._shared import InputError
+from gaia_uwb._shared import InputError, open_regular
 from gaia_uwb.logs._dialect import BLANKS, Dialect, sniff
 from gaia_uwb.logs._logs import check_file
 from gaia_uwb.logs.trajectories.nmea import parse_sentence
@@ -36,7 +36,7 @@ def guess_format(path: Path) -> Guess:
     """
     check_file(path, 2**62)
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             head = file.read(_HEAD_BYTES)
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", source=path) from error

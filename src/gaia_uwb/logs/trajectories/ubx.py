@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gaia_uwb._shared import Array, InputError, counted
+from gaia_uwb._shared import Array, InputError, counted, open_regular
 from gaia_uwb.logs._logs import LogRows, LogTable, check_file
 from gaia_uwb.logs.trajectories import fixes
 
@@ -81,7 +81,7 @@ def _frames(path: Path) -> Iterator[tuple[bytes, bytes]]:
     """Yield kind and payload of each whole message that is wanted."""
     rest = b""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             while True:
                 chunk = file.read(_CHUNK_BYTES)
                 data = rest + chunk
