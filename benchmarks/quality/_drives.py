@@ -59,7 +59,7 @@ def passes_of(pairs: str) -> str:
 
 def _is_here(folder: Path) -> bool:
     if not folder.is_dir():
-        print(f"left out: there is no {folder}")
+        print(f"left out: there is no {folder}", file=sys.stderr)
     return folder.is_dir()
 
 
@@ -143,13 +143,16 @@ def _true_range_m(scene: Scene, offset_s: float) -> Float64[Array, "R"]:
 
 
 def _clock_offset_s(scene: Scene) -> float:
-    """Return the offset at which the ranges agree best with the surveyed places."""
+    """Return the offset at which the errors of each anchor vary least about their median."""
     inside = in_drive(scene)
-    apart_m = [
-        np.median(np.abs(scene.ranges.range_m - _true_range_m(scene, offset_s))[inside])
-        for offset_s in OFFSETS_S
-    ]
-    return float(OFFSETS_S[np.argmin(apart_m)])
+    anchor = scene.ranges.anchor[inside]
+
+    def spread_m(offset_s: float) -> float:
+        error_m = (scene.ranges.range_m - _true_range_m(scene, offset_s))[inside]
+        about_m = [error_m[anchor == n] - np.median(error_m[anchor == n]) for n in set(anchor)]
+        return float(np.median(np.abs(np.concatenate(about_m))))
+
+    return float(min(OFFSETS_S, key=spread_m))
 
 
 def tag_at(

@@ -290,7 +290,7 @@ def methods(names: Sequence[str], denoisers: Sequence[str]) -> dict[str, Method]
         try:
             found["GTSAM"] = each_alone(Gtsam())
         except ModuleNotFoundError:
-            print("left out: gtsam is not installed")
+            print("left out: gtsam is not installed", file=sys.stderr)
     if "scipy" in names:
         found["SciPy"] = each_alone(SciPy())
     return found

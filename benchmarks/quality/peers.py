@@ -144,7 +144,7 @@ class Cones:
         clear = self.ok & (distance_m > APART_M)
         clear &= distance_m**2 > APART_SIGMA * np.sqrt(variance_m4)
         wrong = np.hypot(*(self.mirror_position_m - self.true_m).T) < self.error_m
-        return int((wrong & clear).sum()), float(self.mirror_probability[clear].sum())
+        return int((wrong & clear).sum()), float(np.nansum(self.mirror_probability[clear]))
 
     def iou(self) -> float:
         """Return the IoU of the hulls, NaN where the true one has no area."""
@@ -193,6 +193,7 @@ def summary(results: Sequence[Result], reference: Sequence[Result] | None) -> li
     chi_square = np.concatenate([each.chi_square() for each in cones])
     wrong, expected = np.sum([each.sides() for each in cones], axis=0)
     iou = np.array([each.iou() for each in cones])
+    states_sides = any(np.isfinite(each.mirror_probability).any() for each in cones)
     verdicts = [result.status for result in results if result.status]
     return [
         str(len(error_m)),
@@ -205,7 +206,7 @@ def summary(results: Sequence[Result], reference: Sequence[Result] | None) -> li
         coverage([each.chi_square() for each in cones]),
         coverage([each.chi_square_aligned() for each in cones]),
         str(int((chi_square > CHI_SQUARE_99_9).sum())),
-        f"{wrong:.0f} ({'none stated' if np.isnan(expected) else f'{expected:.1f}'})",
+        f"{wrong:.0f} ({f'{expected:.1f}' if states_sides else 'none stated'})",
         f"{verdicts.count('ok')} of {len(verdicts)}" if verdicts else "none",
         f"{sum(result.processor_s for result in results):.1f}",
     ]
@@ -319,6 +320,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         }
         for data, cases in data_sets(given.data, given.n, given.data_dir).items()
     }
+    if not results:
+        parser.error("none of the data is here")
     if given.runs:
         for data, found in results.items():
             print(f"{data}\n\n{runs_table(found)}")
