@@ -130,11 +130,13 @@ class Solver(Protocol):
         self, readings: Readings, start_m: Float64[Array, "2"]
     ) -> tuple[float, Float64[Array, "2"]]:
         """Return the cost at the end, and the position there."""
+        ...
 
     def covariance_m2(
         self, readings: Readings, position_m: Float64[Array, "2"]
     ) -> Float64[Array, "2 2"]:
         """Return the inverse of J'J at a solution, times the variance of the residuals."""
+        ...
 
 
 class SciPy:
@@ -164,13 +166,14 @@ class SciPy:
             flat_m = np.hypot(*(place_m - readings.tag_m).T)
             return np.asarray(np.maximum(np.hypot(flat_m, readings.height_gap_m), 1e-6))
 
-        return least_squares(
-            lambda place_m: distance_m(place_m) - readings.range_m,
-            start_m,
-            jac=lambda place_m: (place_m - readings.tag_m) / distance_m(place_m)[:, None],
-            loss="cauchy",
-            f_scale=LOSS_SCALE_M,
-        )
+        def residual_m(place_m: Float64[Array, "2"]) -> Float64[Array, "R"]:
+            return distance_m(place_m) - readings.range_m
+
+        def jacobian(place_m: Float64[Array, "2"]) -> Float64[Array, "R 2"]:
+            return (place_m - readings.tag_m) / distance_m(place_m)[:, None]
+
+        options: dict[str, Any] = {"jac": jacobian, "loss": "cauchy", "f_scale": LOSS_SCALE_M}
+        return least_squares(residual_m, start_m, **options)
 
 
 class Gtsam:

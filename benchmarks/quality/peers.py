@@ -199,10 +199,10 @@ def summary(results: Sequence[Result], reference: Sequence[Result] | None) -> li
         str(len(error_m)),
         str(len(found_m)),
         str(sum(int(each.ok.sum()) for each in cones)),
-        number(np.sqrt(np.mean(found_m**2)) if len(found_m) else np.nan),
-        number(np.median(found_m) if len(found_m) else np.nan),
+        number(float(np.sqrt(np.mean(found_m**2))) if len(found_m) else np.nan),
+        number(float(np.median(found_m)) if len(found_m) else np.nan),
         "none" if reference is None else number(ratio(cones, [Cones.of(r) for r in reference])),
-        number(np.nanmean(iou) if np.isfinite(iou).any() else np.nan),
+        number(float(np.nanmean(iou)) if np.isfinite(iou).any() else np.nan),
         coverage([each.chi_square() for each in cones]),
         coverage([each.chi_square_aligned() for each in cones]),
         str(int((chi_square > CHI_SQUARE_99_9).sum())),
@@ -253,7 +253,7 @@ def fused_row(fused: Sequence[Result], passes: Sequence[Result]) -> list[str]:
             stated_m = np.median(np.sqrt(CHI_SQUARE_90 * longer_m2))
             rows.append([np.median(together.error_m[shared]), better_m, stated_m])
     columns = np.array(rows).reshape(-1, 3).T
-    medians = [number(np.median(column)) if rows else "none" for column in columns]
+    medians = [number(float(np.median(column))) if rows else "none" for column in columns]
     fused_m, least_m, states_m = columns
     return [str(len(rows)), *medians, str(int((fused_m - least_m > states_m).sum()))]
 
