@@ -59,6 +59,12 @@ def test_yaml_round_trip(gap: float, dof: float, gate: bool, resample: str) -> N
     assert make_config(yaml.safe_load(dump_config(config))) == config
 
 
+def test_the_longest_gap_may_be_left_to_the_log(tmp_path: Path) -> None:
+    path = write(tmp_path, "alignment:\n  max_gap_s: auto\n")
+    assert load_config(path) == PipelineConfig()
+    assert "max_gap_s: auto" in dump_config(PipelineConfig())
+
+
 def test_round_trip_through_a_file(tmp_path: Path) -> None:
     config = PipelineConfig(denoiser="kalman")
     assert load_config(write(tmp_path, dump_config(config))) == config
@@ -72,6 +78,7 @@ def test_round_trip_through_a_file(tmp_path: Path) -> None:
         ({"alignment": {"max_gap_s": 0}}, "alignment.max_gap_s: input should be greater than 0"),
         ({"alignment": {"max_gap_s": 61.0}}, "less than or equal to 60, got 61.0"),
         ({"alignment": {"max_clock_offset_s": 0.0}}, "greater than or equal to 0.1, got 0.0"),
+        ({"alignment": {"max_gap_s": "long"}}, "alignment.max_gap_s: input should be a valid num"),
         ({"alignment": {"max_gap_s": "1"}}, "should be a valid number, got '1'"),
         ({"alignment": {"max_gap_s": float("nan")}}, "finite number, got nan"),
         ({"alignment": {"gate": 1}}, "alignment.gate: input should be a valid boolean, got 1"),

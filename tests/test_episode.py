@@ -11,7 +11,14 @@ from hypothesis.extra import numpy as hnp
 
 from gaia_uwb._shared.errors import InputError
 from gaia_uwb.denoised import DenoisedRanges
-from gaia_uwb.episode import ClockOffset, Episode, EpisodeTruth, RangeCalibration, bias_basis
+from gaia_uwb.episode import (
+    ClockOffset,
+    Episode,
+    EpisodeTruth,
+    RangeCalibration,
+    ReadingCounts,
+    bias_basis,
+)
 from outside import annotations_off
 
 
@@ -162,6 +169,22 @@ def test_windows_leave_out_the_tail(n_steps: int, length: int, stride: int | Non
     assert all(window.n_steps == length for window in windows)
     starts = [round(window.t_s[0] * 10) for window in windows]
     assert starts == [k for k in range(0, n_steps, step) if k + length <= n_steps]
+
+
+def test_readings_are_counted_not_steps() -> None:
+    assert EPISODE.n_readings.tolist() == [9, 10]  # without a log, each range is a reading
+    told = replace(
+        EPISODE,
+        readings={
+            "a": ReadingCounts(12, 3, 4, 0, 5, n_steps=9),
+            "b": ReadingCounts(30, 30, 0, 0, 0, n_steps=10),
+        },
+    )
+    assert told.n_readings.tolist() == [3, 30]
+    assert told.window(0, 5).n_readings.tolist() == [1, 15]  # 4 of 9 and 5 of 10 steps
+    assert sum(window.n_readings for window in told.windows(5)).tolist() == [3, 30]
+    assert told.without_truth().n_readings.tolist() == [3, 30]
+    assert told.readings["a"] + told.readings["b"] == ReadingCounts(42, 33, 4, 0, 5, n_steps=19)
 
 
 def test_a_window_of_everything_is_the_episode() -> None:

@@ -5,16 +5,24 @@ then a YAML file, then the command line. An unknown key or an impossible value i
 
 >>> from gaia_uwb.config import PipelineConfig
 >>> PipelineConfig().alignment.max_gap_s
-1.0
+'auto'
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    model_validator,
+)
 
 from gaia_uwb._shared import ConfigError, printable, read_yaml, shortened, shown
 
@@ -22,6 +30,18 @@ LONGEST_NAME = 400
 """Longest name of a scene in a file, in characters; all results and messages repeat it."""
 
 _MOST_PROBLEMS = 5
+_NUMBER = "a number"  # tells which of two types a value was read as; no part of a setting's name
+
+
+def _auto_or_number(value: Any) -> str:
+    return "auto" if value == "auto" else _NUMBER
+
+
+AutoSeconds = Annotated[
+    Annotated[Literal["auto"], Tag("auto")] | Annotated[float, Field(gt=0, le=60), Tag(_NUMBER)],
+    Discriminator(_auto_or_number),
+]
+"""``auto``, or a number of seconds above 0 and of at most 60."""
 
 
 class Settings(BaseModel):
@@ -43,9 +63,10 @@ class AlignmentConfig(Settings):
     """Errors of ranges further apart than this are treated as independent."""
     gate: bool = True
     """Whether to remove spikes (short bursts far from their neighbours)."""
-    max_gap_s: float = Field(default=1.0, gt=0, le=60)
+    max_gap_s: AutoSeconds = "auto"
     """Longest gap between two readings of an anchor that is interpolated (``linear``); with
-    ``nearest``, a reading is used up to half of this before and after it."""
+    ``nearest``, a reading is used up to half of this before and after it. ``auto``: three times
+    the anchor's own usual interval between readings, but at least 1 s and at most 8 s."""
     max_pose_gap_s: float = Field(default=1.5, gt=0, le=60)
     """Longest gap between two samples of the trajectory that is interpolated."""
     resample: Literal["linear", "nearest"] = "linear"
@@ -244,7 +265,8 @@ def settings_problems(error: ValidationError) -> str:
 
 def _problem(details: Mapping[str, Any]) -> str:
     """Say in words what is wrong with one setting; a rule between settings has no location."""
-    place = shortened(printable(".".join(map(str, details["loc"])) or "top level"))
+    keys = [str(key) for key in details["loc"] if key != _NUMBER]
+    place = shortened(printable(".".join(keys) or "top level"))
     if details["type"] == "extra_forbidden":
         return f"{place}: unknown key"
     if details["type"] == "missing":

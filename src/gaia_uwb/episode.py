@@ -7,7 +7,8 @@ without copying it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from gaia_uwb._shared import (
     Bool,
     Float64,
     InputError,
+    Int64,
     check_finite,
     check_heights,
     check_ids,
@@ -122,6 +124,50 @@ def bias_basis(range_m: Float64[Array, "*shape"]) -> Float64[Array, "*shape 2"]:
 
 
 @dataclass(frozen=True)
+class ReadingCounts:
+    """What became of the readings of one anchor, or of several, when a log was aligned.
+
+    Parameters
+    ----------
+    in_log
+        Readings in the log: the sum of the next four.
+    kept
+        Those that the ranges of the episode come from.
+    spikes
+        Those dropped because they are far off their neighbours.
+    in_gaps
+        Those dropped because no other reading is near enough in time.
+    outside
+        Those dropped because the pose at their time is unknown.
+    n_steps
+        Steps of the timeline that got a range.
+
+    Examples
+    --------
+    >>> str(ReadingCounts(100, 90, 4, 1, 5, n_steps=80))
+    '100 readings in the log: 90 kept, 4 dropped as spikes, 1 in gaps, 5 outside the path'
+    """
+
+    in_log: int
+    kept: int
+    spikes: int
+    in_gaps: int
+    outside: int
+    n_steps: int
+
+    def __add__(self, other: ReadingCounts) -> ReadingCounts:
+        pairs = zip(astuple(self), astuple(other), strict=True)
+        return ReadingCounts(*(mine + theirs for mine, theirs in pairs))
+
+    def __str__(self) -> str:
+        return (
+            f"{self.in_log} reading{'' if self.in_log == 1 else 's'} in the log: {self.kept} kept, "
+            f"{self.spikes} dropped as spikes, {self.in_gaps} in gaps, {self.outside} outside the "
+            "path"
+        )
+
+
+@dataclass(frozen=True)
 class EpisodeTruth:
     """The truth on an episode's timeline; scores read it, reconstructions never do.
 
@@ -218,6 +264,9 @@ class Episode:
         What the log's reader took, guessed and left out.
     problems
         What makes every result of this log unreliable.
+    readings
+        What became of the readings of the whole log, by anchor id, also in a window of it; empty
+        where there was no log, so that every range is a reading.
 
     Raises
     ------
@@ -240,6 +289,7 @@ class Episode:
     truth: EpisodeTruth | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
     problems: tuple[Reason, ...] = ()
+    readings: Mapping[str, ReadingCounts] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         where = self.name
@@ -279,6 +329,18 @@ class Episode:
     def n_anchors(self) -> int:
         """Number of anchors N."""
         return len(self.anchor_ids)
+
+    @property
+    def n_readings(self) -> Int64[Array, "N"]:
+        """How many readings each anchor's ranges come from, shape (N,).
+
+        Interpolated steps are no readings. A window has the share of the log's readings that it has
+        of the log's ranges.
+        """
+        n_valid = np.count_nonzero(self.valid, axis=0)
+        counts = [self.readings.get(anchor_id) for anchor_id in self.anchor_ids]
+        share = [1.0 if each is None else each.kept / max(each.n_steps, 1) for each in counts]
+        return np.asarray(np.rint(n_valid * np.array(share)), dtype=np.int64)
 
     @property
     def usual_speed_mps(self) -> float:

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gaia_uwb.alignment import align, contradicting
-from gaia_uwb.alignment.contradictions import contradicted_anchors
+from gaia_uwb.alignment import align
+from gaia_uwb.alignment.contradictions import contradicted_anchors, contradicting
 from gaia_uwb.estimate import ReasonKind
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
+from gaia_uwb.simulate import PRESETS, simulate_pass
 
 T_S = np.arange(0.0, 30.0, 0.1)
 PATH_M = np.column_stack([3.0 * T_S, 4.0 * np.sin(0.3 * T_S)])
@@ -46,6 +47,40 @@ def test_a_few_spikes_are_no_reason() -> None:
     scene = replace(scene, ranges=replace(scene.ranges, range_m=range_m))
     assert contradicting(T_S, range_m, scene.trajectory).sum() == pytest.approx(60, abs=3)
     assert not list(contradicted_anchors(scene))
+
+
+@pytest.mark.parametrize("place", [0, 1, 2, -1, -2, -3])
+def test_a_spike_at_an_end_is_found_and_no_neighbour_blamed(place: int) -> None:
+    scene = heard_from((20.0, 9.0))
+    range_m = scene.ranges.range_m.copy()
+    range_m[place] += 50.0
+    found = np.flatnonzero(contradicting(T_S, range_m, scene.trajectory))
+    assert found.tolist() == [place % len(T_S)]
+
+
+@pytest.mark.parametrize("every", [1, 5])
+@pytest.mark.parametrize("speed_mps", [1.5, 6.0, 25.0])
+def test_speed_makes_no_contradictions_and_hides_none(speed_mps: float, every: int) -> None:
+    preset = PRESETS["lane-closure"]
+    clean = {"burst_per_s": 0.0, "held_share": 0.0, "nlos_bias_m": 0.0}
+    drive = {"speed_mps": speed_mps, "duration_s": max(30.0, 200.0 / speed_mps)}
+    config = preset.model_copy(
+        update={
+            "ranging": preset.ranging.model_copy(update=clean),
+            "drive": preset.drive.model_copy(update=drive),
+        }
+    )
+    scene = simulate_pass(config, seed=0)
+    log = scene.ranges
+    for n in range(scene.n_anchors):
+        own = np.flatnonzero(log.anchor == n)[::every]
+        t_s, range_m = log.t_s[own], log.range_m[own].copy()
+        found = contradicting(t_s, range_m, scene.trajectory)
+        assert found.mean() < 0.01
+        if n == 0 and len(own) >= 20:  # fewer do not tell which of them is wrong
+            range_m[len(own) // 2] += 8.0
+            spoilt = contradicting(t_s, range_m, scene.trajectory)
+            assert np.flatnonzero(spoilt & ~found).tolist() == [len(own) // 2]
 
 
 def test_a_long_log_is_judged_by_a_part_of_it(monkeypatch: pytest.MonkeyPatch) -> None:

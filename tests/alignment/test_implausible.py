@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from gaia_uwb.alignment import log_problems
+from gaia_uwb.alignment.implausible import spike_problems
+from gaia_uwb.episode import ReadingCounts
 from gaia_uwb.estimate import ReasonKind
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
+from gaia_uwb.simulate import PRESETS, simulate_pass
 
 T_S = np.arange(0.0, 30.0, 0.1)
 PATH_M = np.column_stack([3.0 * T_S, 4.0 * np.sin(0.3 * T_S)])
@@ -79,3 +82,23 @@ def test_driving_hard_and_gaps_are_no_jumps() -> None:
     braking = Trajectory(t_s[kept], path_m[kept])
     scene = replace(make_scene(up_m=None), trajectory=braking)
     assert not [text for text in words(scene) if "jumps" in text]
+
+
+@pytest.mark.parametrize(("spikes", "told"), [(0, False), (25, False), (26, True), (75, True)])
+def test_more_than_a_third_of_an_anchor_lost_as_spikes(spikes: int, told: bool) -> None:
+    """Of 100 readings 25 are outside the path, where nobody can tell what they are."""
+    counts = ReadingCounts(100, 75 - spikes, spikes, 0, 25, n_steps=60)
+    reasons = list(spike_problems({"a": counts, "silent": ReadingCounts(0, 0, 0, 0, 0, n_steps=0)}))
+    assert [reason.cones for reason in reasons] == [("a",)] * told
+    assert all(f"a: {spikes} of its 75 readings" in reason.text for reason in reasons)
+
+
+@pytest.mark.parametrize(("n_negative", "told"), [(1, False), (3, True)])
+def test_ranges_below_zero(n_negative: int, told: bool) -> None:
+    scene = simulate_pass(PRESETS["lane-closure"], seed=0)
+    log = scene.ranges
+    range_m = log.range_m.copy()
+    mine = np.flatnonzero(log.anchor == 3)
+    range_m[mine[np.arange(len(mine)) % 6 < n_negative]] = -1.0
+    found = list(log_problems(replace(scene, ranges=replace(log, range_m=range_m))))
+    assert any("ranges are below 0" in reason.text for reason in found) is told

@@ -13,6 +13,7 @@ from gaia_uwb.alignment.readings import (
     gather_readings,
     pose_at,
     slant_m,
+    usual_interval_s,
 )
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
 from gaia_uwb.simulate import PRESETS, simulate_pass
@@ -170,3 +171,15 @@ def test_curvature_is_the_derivative_of_the_weighted_residual() -> None:
 
     slope = (pull(residual_m + h) - pull(residual_m - h)) / (2 * h)
     np.testing.assert_allclose(fit.curvature[use], slope, rtol=1e-5, atol=1e-4 * weight.max())
+
+
+def test_the_usual_interval_counts_a_burst_as_one_and_no_gap() -> None:
+    steady_s = np.arange(0.0, 20.0, 0.1)
+    assert usual_interval_s(steady_s) == pytest.approx(0.1)
+    bursts_s = (np.arange(0.0, 20.0, 2.0)[:, None] + 0.004 * np.arange(4)).ravel()
+    assert usual_interval_s(bursts_s) == pytest.approx(1.988)
+    # Heard for a second in every five, and not for ten minutes in between.
+    stretches_s = (np.array([0.0, 5.0, 10.0, 600.0])[:, None] + 0.1 * np.arange(10)).ravel()
+    assert usual_interval_s(stretches_s) == pytest.approx(0.1)
+    assert np.isnan(usual_interval_s(np.array([3.0])))
+    assert np.isnan(usual_interval_s(np.array([0.0, 9.0, 18.0])))

@@ -10,9 +10,9 @@ import pytest
 
 from drives_past import read_log
 from gaia_uwb._shared.errors import InputError
-from gaia_uwb.alignment.timeline import align
+from gaia_uwb.alignment.timeline import _max_gap_s, align
 from gaia_uwb.config import AlignmentConfig
-from gaia_uwb.episode import ClockOffset
+from gaia_uwb.episode import ClockOffset, Episode, ReadingCounts
 from gaia_uwb.scene import RangeLog, Scene, Trajectory, Truth
 from gaia_uwb.simulate import PRESETS, simulate_pass
 
@@ -192,6 +192,112 @@ def test_the_timeline_follows_the_path_unless_the_rates_differ_by_two(
 ) -> None:
     episode = align(drive_past(path_hz=path_hz, range_hz=range_hz), TRUSTED)
     np.testing.assert_allclose(np.diff(episode.t_s), step_s, atol=1e-9)
+
+
+def sampled_at(path_s: np.ndarray, range_hz: float = 10.0) -> Scene:
+    """Return the drive with poses at given times instead."""
+    path = Trajectory(path_s, position_m(path_s), np.full(len(path_s), 1.6))
+    return replace(drive_past(range_hz=range_hz), trajectory=path)
+
+
+def assert_ranges_are_true(episode: Episode) -> None:
+    np.testing.assert_allclose(
+        episode.range_m[episode.valid], true_range_m(episode.t_s)[episode.valid], atol=1e-3
+    )
+
+
+@pytest.mark.parametrize("pause_s", [0.1, 0.5, 1.0])
+def test_a_path_logged_in_bursts(pause_s: float) -> None:
+    """Five poses within 4 ms, then nothing: as many steps as the ranges are worth."""
+    first_s = np.arange(-4.0, 4.0 + 1e-9, pause_s)
+    episode = align(sampled_at((first_s[:, None] + 1e-3 * np.arange(5)).ravel()), TRUSTED)
+    step_s = np.diff(episode.t_s)
+    assert 0.05 < step_s.min() < step_s.max() < 0.2
+    assert episode.valid[2:-2].all()
+    assert_ranges_are_true(episode)
+
+
+def test_ranges_logged_in_bursts() -> None:
+    """Readings that come five at once, once a second, ask for no timeline of milliseconds."""
+    scene = drive_past()
+    first_s = np.arange(-4.0, 4.0)
+    at_s = (first_s[:, None] + 1e-3 * np.arange(5)).ravel() + 0.013
+    log = read_log(np.repeat(at_s[:, None], 3, axis=1), true_range_m(at_s))
+    episode = align(replace(scene, ranges=log), TRUSTED)
+    assert np.diff(episode.t_s).min() > 0.5
+    assert episode.valid[1:-1].all()
+    assert_ranges_are_true(episode)
+
+
+@pytest.mark.parametrize("rates_hz", [(100.0, 10.0), (2.0, 10.0), (1.0, 100.0)])
+def test_a_path_whose_rate_changes_half_way(rates_hz: tuple[float, float]) -> None:
+    before_hz, after_hz = rates_hz
+    path_s = np.concatenate(
+        [np.arange(-4.0, 0.0, 1.0 / before_hz), np.arange(0.0, 4.0 + 1e-9, 1.0 / after_hz)]
+    )
+    episode = align(sampled_at(path_s), TRUSTED)
+    np.testing.assert_allclose(np.diff(episode.t_s), 0.1, atol=1e-6)
+    assert_ranges_are_true(episode)
+
+
+def test_a_sample_that_the_path_lacks_makes_no_steps() -> None:
+    path_s = np.delete(np.arange(81) / 10.0 - 4.0, [30, 31])
+    assert np.array_equal(align(sampled_at(path_s), TRUSTED).t_s, path_s)
+
+
+@pytest.mark.parametrize("range_hz", [0.5, 0.9, 2.0])
+def test_the_gap_follows_the_rate_of_each_anchor(range_hz: float) -> None:
+    """Of a radio that answers seldom no reading is thrown away for that."""
+    t_s = np.arange(0.0, 120.0, 0.1)
+    path_m = np.column_stack([3.0 * t_s, 6.0 * np.sin(t_s / 5.0)])
+    cones_m = np.array([[60.0, 9.0], [180.0, 9.0]])
+    often_s, seldom_s = np.arange(0.0, 119.0, 0.1), np.arange(0.05, 119.0, 1.0 / range_hz)
+    own_s = np.concatenate([often_s, seldom_s])
+    order = np.argsort(own_s)
+    own_s, anchor = own_s[order], np.repeat([0, 1], [len(often_s), len(seldom_s)])[order]
+    at_m = np.stack([np.interp(own_s, t_s, axis) for axis in path_m.T], axis=1)
+    log = RangeLog(own_s, anchor, np.hypot(*(at_m - cones_m[anchor]).T))
+    scene = Scene("drive", Trajectory(t_s, path_m), log, ("often", "seldom"))
+    episode = align(scene, TRUSTED)
+    often, seldom = episode.readings["often"], episode.readings["seldom"]
+    assert (seldom.in_log, seldom.kept) == (len(seldom_s), len(seldom_s))
+    assert seldom.n_steps > 3 * seldom.kept  # steps are no readings
+    assert episode.n_readings.tolist() == [often.kept, seldom.kept]
+    error_m = episode.range_m - np.linalg.norm(episode.position_m[:, None] - cones_m, axis=2)
+    assert np.nanmax(np.abs(error_m)) < 0.1
+    # What is often read has its gaps as before, and a number that is given holds for all.
+    fixed = align(scene, TRUSTED.model_copy(update={"max_gap_s": 0.3})).readings
+    assert fixed["seldom"].kept == 0
+    assert fixed["seldom"].in_gaps == len(seldom_s)
+    assert fixed["often"] == often
+
+
+@pytest.mark.parametrize(("range_hz", "bridged_s"), [(10.0, 1.0), (1.0, 3.0), (0.3, 8.0)])
+def test_how_long_a_gap_is_bridged(range_hz: float, bridged_s: float) -> None:
+    assert _max_gap_s(np.arange(0.0, 60.0, 1.0 / range_hz), TRUSTED) == pytest.approx(bridged_s)
+
+
+def test_what_becomes_of_every_reading() -> None:
+    scene = drive_past(read=(-6.0, 5.0))  # the path spans -4 to 4 s
+    log = scene.ranges
+    range_m = log.range_m.copy()
+    range_m[(log.anchor == 1) & (np.abs(log.t_s) < 0.11)] -= 6.0
+    scene = replace(scene, ranges=replace(log, range_m=range_m))
+    lonely = without(without(scene, -3.4, 0.0, anchor=2), 0.05, 3.4, anchor=2)
+    episode = align(lonely, TRUSTED)
+    a, b, c = (episode.readings[name] for name in "abc")
+    assert a == ReadingCounts(110, 80, 0, 0, 30, n_steps=63)
+    assert b == ReadingCounts(110, 78, 2, 0, 30, n_steps=63)
+    assert (c.kept + c.spikes + c.in_gaps + c.outside, c.in_gaps) == (c.in_log, 1)
+    assert episode.n_readings.tolist() == [a.kept, b.kept, c.kept]
+
+
+def test_a_window_has_its_share_of_the_readings() -> None:
+    episode = align(drive_past(), TRUSTED)
+    halves = episode.windows(32)
+    assert sum(half.n_readings for half in halves).tolist() == pytest.approx([80, 80, 80], abs=2)
+    assert halves[0].n_readings[0] == pytest.approx(40, abs=2)
+    assert replace(halves[0], readings={}).n_readings[0] == halves[0].valid[:, 0].sum()
 
 
 def test_stamps_that_hardly_move_make_no_endless_timeline() -> None:

@@ -10,6 +10,7 @@ from .readings import (
     gather_readings as gather_readings,
     pose_at as pose_at,
     slant_m as slant_m,
+    usual_interval_s as usual_interval_s,
 )
 from .spikes import gate_spikes as gate_spikes
 from .timeline import align as align

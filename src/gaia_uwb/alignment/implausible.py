@@ -6,13 +6,14 @@ to be unreliable.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64, counted, metres
+from gaia_uwb._shared import Array, Float64, counted, metres, percent
 from gaia_uwb.alignment.causes import biased_anchors, drifting_clock, likely_cause
 from gaia_uwb.alignment.contradictions import contradicted_anchors, rows_of_anchors
+from gaia_uwb.episode import ReadingCounts
 from gaia_uwb.estimate import Reason, ReasonKind
 from gaia_uwb.scene import Scene, Trajectory
 
@@ -22,6 +23,7 @@ _GAP_S = 1.0
 _FEWEST_READINGS = 8
 _STEEPEST, _LEAST_CLIMB_M = 0.25, 5.0  # the steepest streets rise by a third of their length
 _JUMP_M, _MOST_MPS2 = 2.0, 10.0  # no vehicle accelerates more
+_MOST_BAD = 1 / 3  # of an anchor's readings; of a working radio, a few in a hundred are
 _NEIGHBOURS = 3  # steps before and after a step that tell how fast the vehicle is
 _BLOCK = 1 << 16
 
@@ -54,6 +56,7 @@ def log_problems(
         *_height_gap(scene),
         *_climb(scene.trajectory),
         *_jumps(scene.trajectory),
+        *_negative(scene),
     ):
         yield Reason(ReasonKind.LOG, problem)
     cause = likely_cause(scene, offset_s, max_gap_s)
@@ -63,6 +66,35 @@ def log_problems(
         yield from contradicted_anchors(scene, offset_s, max_gap_s=max_gap_s)
         yield from drifting_clock(scene, offset_s, max_gap_s)
         yield from biased_anchors(scene, offset_s, max_gap_s)
+
+
+def spike_problems(readings: Mapping[str, ReadingCounts]) -> Iterator[Reason]:
+    """Yield a reason for each anchor that lost too many of its readings as spikes.
+
+    Spikes are few. Where they are many, a second radio answers with the same id, or what is called
+    a spike is right and the rest is wrong.
+
+    Parameters
+    ----------
+    readings
+        What became of the readings, by anchor id.
+
+    Examples
+    --------
+    >>> for reason in spike_problems({"cone-1": ReadingCounts(100, 30, 70, 0, 0, n_steps=60)}):
+    ...     print(reason.text[:53])
+    cone-1: 70 of its 100 readings along the path were dr
+    """
+    for anchor_id, counts in readings.items():
+        along_path = counts.in_log - counts.outside
+        share = counts.spikes / max(along_path, 1)
+        if share > _MOST_BAD:
+            text = (
+                f"{anchor_id}: {counts.spikes} of its {along_path} readings along the path were "
+                f"dropped as spikes ({percent(share)}): do two radios have this id, or is its line "
+                "of sight blocked?"
+            )
+            yield Reason(ReasonKind.LOG, text, cones=(anchor_id,), numbers={"share": share})
 
 
 def log_notes(scene: Scene) -> Iterator[str]:
@@ -118,6 +150,17 @@ def _climb(drive: Trajectory) -> Iterator[str]:
             f"the tag's height changes by {metres(climb_m)} over {metres(length_m)} of path: "
             "are the heights in another unit than metres?"
         )
+
+
+def _negative(scene: Scene) -> Iterator[str]:
+    """Say which anchors have many ranges below 0, which a bias alone makes of few."""
+    for anchor_id, rows in zip(scene.anchor_ids, rows_of_anchors(scene), strict=True):
+        n_negative = int((scene.ranges.range_m[rows] < 0.0).sum())
+        if n_negative > _MOST_BAD * len(rows):
+            yield (
+                f"{anchor_id}: {n_negative} of its {len(rows)} ranges are below 0: does a number "
+                "stand for no range?"
+            )
 
 
 def _jumps(drive: Trajectory) -> Iterator[str]:

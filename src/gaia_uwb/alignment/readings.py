@@ -18,9 +18,44 @@ from gaia_uwb.solver import SolverOptions, solve
 ROUNDING_S = 1e-6
 """What double precision may make of a difference between two times since 1970, and more."""
 
+_BURST = 0.1  # of the mean interval
 _BLOCK = 1 << 18  # readings laid out together, with their padding
 _SIGMA_M = 0.1  # only a unit: the scale of the errors is estimated
 _OPTIONS = SolverOptions(tolerance=1e-3)
+
+
+LONGEST_INTERVAL_S = 8.0
+"""Readings of an anchor further apart than this have a gap between them, whatever its rate."""
+
+
+def usual_interval_s(t_s: Float64[Array, "R"]) -> float:
+    """Return the median interval between readings, or poses, with what comes in a burst as one.
+
+    A burst is a few nearly equal stamps and then a pause: its intervals are far shorter than the
+    mean. Gaps are longer than :data:`LONGEST_INTERVAL_S`. Both are left out.
+
+    Parameters
+    ----------
+    t_s : (R,)
+        Their times in increasing order, in seconds.
+
+    Returns
+    -------
+    float
+        In seconds; NaN if no interval is left.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> bursts_s = np.array([0.0, 0.01, 0.02, 1.0, 1.01, 1.02, 2.0, 60.0])
+    >>> round(usual_interval_s(bursts_s), 2)
+    0.98
+    """
+    interval_s = np.diff(t_s)
+    interval_s = interval_s[(interval_s > 0.0) & (interval_s <= LONGEST_INTERVAL_S)]
+    if not interval_s.size:
+        return np.nan
+    return float(np.median(interval_s[interval_s >= _BURST * interval_s.mean()]))
 
 
 @dataclass(frozen=True)

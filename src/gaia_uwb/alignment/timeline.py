@@ -7,7 +7,11 @@
    added back, since at vehicle speed a range is far from linear between two readings.
 
 The timeline is the trajectory's, thinned where the path is sampled at least twice as often as the
-ranges and subdivided where it is sampled at most half as often.
+ranges and subdivided where it is sampled at most half as often. Both go by time, not by number, so
+that neither bursts of poses nor a change of their rate matter.
+
+What becomes of every reading is counted (``ReadingCounts``), for every step gets a range that may
+be interpolated between two of them.
 """
 
 from __future__ import annotations
@@ -18,8 +22,9 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, InputError, Int64
 from gaia_uwb.alignment.clock import estimate_clock_offset
-from gaia_uwb.alignment.implausible import log_notes, log_problems
+from gaia_uwb.alignment.implausible import log_notes, log_problems, spike_problems
 from gaia_uwb.alignment.readings import (
+    LONGEST_INTERVAL_S,
     ROUNDING_S,
     Fit,
     Readings,
@@ -28,14 +33,18 @@ from gaia_uwb.alignment.readings import (
     gather_readings,
     pose_at,
     slant_m,
+    usual_interval_s,
 )
 from gaia_uwb.alignment.spikes import gate_spikes
 from gaia_uwb.config import AlignmentConfig
-from gaia_uwb.episode import ClockOffset, Episode, EpisodeTruth
+from gaia_uwb.episode import ClockOffset, Episode, EpisodeTruth, ReadingCounts
 from gaia_uwb.scene import Scene
 
 _LEAST_SPAN_M = 1.0  # a path that spans less tells how far anchors are, but not where
 _SHORTEST_S = 1e-3  # no timeline is finer than this, whatever the stamps of the readings
+_NEAR = 0.01  # rates come from rounded times: of two steps, this share is no difference
+_NEIGHBOURS = 2  # steps before and after a step that tell the rate of the path there
+_GAP_INTERVALS, _LEAST_GAP_S = 3.0, 1.0  # of "auto"
 
 
 def align(scene: Scene, config: AlignmentConfig = AlignmentConfig()) -> Episode:
@@ -73,10 +82,13 @@ def align(scene: Scene, config: AlignmentConfig = AlignmentConfig()) -> Episode:
     clock = estimate_clock_offset(scene, config)
     steps = _known_steps(scene, config)
     range_m = np.full((len(steps.t_s), scene.n_anchors), np.nan)
+    counts: dict[str, ReadingCounts] = {}
     for readings in gather_readings(scene):
         fit = fit_anchors(scene, readings, clock.applied_s, config.max_pose_gap_s)
         for row, n in enumerate(readings.anchors):
-            range_m[:, n] = _anchor_ranges(steps, readings, fit, row, clock.applied_s, config)
+            range_m[:, n], counts[scene.anchor_ids[n]] = _anchor_ranges(
+                steps, readings, fit, row, clock.applied_s, config
+            )
     range_m.flags.writeable = False  # so that the episode takes it without a copy
     valid = np.isfinite(range_m)
     if not valid.any():
@@ -98,7 +110,11 @@ def align(scene: Scene, config: AlignmentConfig = AlignmentConfig()) -> Episode:
         clock=clock,
         truth=_truth(scene, steps, clock),
         notes=tuple(log_notes(scene)),
-        problems=tuple(log_problems(scene, clock.applied_s, max_gap_s=config.max_pose_gap_s)),
+        problems=(
+            *log_problems(scene, clock.applied_s, max_gap_s=config.max_pose_gap_s),
+            *spike_problems(counts),
+        ),
+        readings=counts,
     )
 
 
@@ -156,15 +172,43 @@ def _timeline(scene: Scene) -> Float64[Array, "T"]:
     """
     t_s, log = scene.trajectory.t_s, scene.ranges
     own_s = log.t_s[log.anchor == np.argmax(np.bincount(log.anchor))]
-    if len(own_s) < 2:
+    between_s = usual_interval_s(own_s)
+    if np.isnan(between_s):
         return t_s
-    between_s = max(float(np.median(np.diff(own_s))), _SHORTEST_S)
-    ratio = float(np.median(np.diff(t_s))) / between_s
-    parts, every = int(ratio + 1e-6), int(1.0 / ratio + 1e-6)  # rates come from rounded times
-    if parts < 2:
-        return t_s[:: max(every, 1)]
-    index = np.arange((len(t_s) - 1) * parts + 1) / parts
-    return np.interp(index, np.arange(len(t_s)), t_s)
+    between_s = max(between_s, _SHORTEST_S)
+    return _subdivided(_thinned(t_s, between_s), between_s)
+
+
+def _thinned(t_s: Float64[Array, "T"], between_s: float) -> Float64[Array, "K"]:
+    """Leave out times so that those that stay are about ``between_s`` apart, or further.
+
+    After each comes the last one at most that much later. One that comes less than half of that
+    later, since nothing follows it for a while, is left out as well.
+    """
+    last = np.searchsorted(t_s, t_s + between_s * (1.0 + 1e-6), side="right") - 1
+    after = np.maximum(last, np.arange(len(t_s)) + 1)
+    after += t_s[np.minimum(after, len(t_s) - 1)] - t_s < 0.5 * between_s
+    following, kept = after.tolist(), [0]
+    while following[kept[-1]] < len(t_s):
+        kept.append(following[kept[-1]])
+    return t_s[kept]
+
+
+def _subdivided(t_s: Float64[Array, "K"], between_s: float) -> Float64[Array, "T"]:
+    """Subdivide steps of at least twice ``between_s``, where those around them are as long.
+
+    A single long step is a gap, which no step of the timeline needs to be in.
+    """
+    step_s = np.diff(t_s)
+    if not step_s.size:
+        return t_s
+    window = np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1)
+    near = np.clip(np.arange(len(step_s))[:, None] + window, 0, len(step_s) - 1)
+    slow = np.median(step_s[near], axis=1) >= (2.0 - _NEAR) * between_s
+    parts = np.where(slow, np.maximum(np.floor(step_s / between_s + _NEAR), 1.0), 1.0)
+    index = np.repeat(np.arange(len(step_s)), parts.astype(np.int64))
+    part = np.arange(len(index)) - np.searchsorted(index, index)
+    return np.append(t_s[index] + part / parts[index] * step_s[index], t_s[-1])
 
 
 def _anchor_ranges(
@@ -174,11 +218,18 @@ def _anchor_ranges(
     row: int,
     offset_s: float,
     config: AlignmentConfig,
-) -> Float64[Array, "T"]:
-    """Return one anchor's ranges at the steps; NaN where no reading is near enough."""
+) -> tuple[Float64[Array, "T"], ReadingCounts]:
+    """Return one anchor's ranges at the steps, NaN where no reading is near enough.
+
+    With them comes what became of its readings.
+    """
+    n_log = int((readings.index[row] >= 0).sum())
     own = np.flatnonzero(fit.pose.known[row])
+    outside = n_log - len(own)
     if not len(own):
-        return np.full(len(steps.t_s), np.nan)
+        nowhere = np.full(len(steps.t_s), np.nan)
+        return nowhere, ReadingCounts(n_log, 0, 0, 0, outside, n_steps=0)
+    max_gap_s = _max_gap_s(readings.t_s[row, own], config)
     own_s, range_m = readings.t_s[row, own] - offset_s, readings.range_m[row, own]
     anchor_m, residual_m = fit.anchor_m[row], fit.residual_m[row, own]
     located = bool(np.isfinite(anchor_m).all())
@@ -186,11 +237,42 @@ def _anchor_ranges(
         keep = gate_spikes(own_s, residual_m)
         own_s, range_m, residual_m = own_s[keep], range_m[keep], residual_m[keep]
     if config.resample == "nearest":
-        return _nearest(steps.t_s, own_s, range_m, config.max_gap_s)
-    if located:
-        predicted_m = steps.predicted_m(anchor_m, readings.anchors[row])
-        return predicted_m + _linear(steps.t_s, own_s, residual_m, config.max_gap_s)
-    return _linear(steps.t_s, own_s, range_m, config.max_gap_s)
+        found_m = _nearest(steps.t_s, own_s, range_m, max_gap_s)
+        near = _near_a_step(steps.t_s, own_s, max_gap_s)
+    else:
+        found_m = _linear(steps.t_s, own_s, residual_m if located else range_m, max_gap_s)
+        near = _near_another(steps.t_s, own_s, max_gap_s)
+        if located:
+            found_m = found_m + steps.predicted_m(anchor_m, readings.anchors[row])
+    n_steps = int(np.isfinite(found_m).sum())
+    kept = int(near.sum()) if n_steps else 0
+    spikes, in_gaps = len(own) - len(own_s), len(own_s) - kept
+    return found_m, ReadingCounts(n_log, kept, spikes, in_gaps, outside, n_steps=n_steps)
+
+
+def _max_gap_s(own_s: Float64[Array, "K"], config: AlignmentConfig) -> float:
+    """Return the longest gap between an anchor's readings that is interpolated."""
+    if config.max_gap_s != "auto":
+        return config.max_gap_s
+    usual_s = np.nan_to_num(usual_interval_s(own_s), nan=0.0)
+    return float(np.clip(_GAP_INTERVALS * usual_s, _LEAST_GAP_S, LONGEST_INTERVAL_S))
+
+
+def _near_another(
+    t_s: Float64[Array, "T"], own_s: Float64[Array, "K"], max_gap_s: float
+) -> Bool[Array, "K"]:
+    """Return which readings are at most ``max_gap_s`` from another, or exactly at a step."""
+    close = np.diff(own_s) <= max_gap_s + ROUNDING_S
+    near = np.append(close, False) | np.append(False, close) | np.isin(own_s, t_s)
+    return np.asarray(near)
+
+
+def _near_a_step(
+    t_s: Float64[Array, "T"], own_s: Float64[Array, "K"], max_gap_s: float
+) -> Bool[Array, "K"]:
+    """Return which readings are at most half of ``max_gap_s`` from a step."""
+    nearest_s = t_s[_nearest_index(own_s, t_s)]
+    return np.asarray(np.abs(nearest_s - own_s) <= 0.5 * max_gap_s + ROUNDING_S)
 
 
 def _linear(
