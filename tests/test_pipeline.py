@@ -124,6 +124,41 @@ def test_an_anchor_hardly_heard_is_named():
     assert len(result.boundary.outline_index) == 4
 
 
+def seldom_read(scene: Scene, cone: int, every: int, first: int = 0) -> Scene:
+    """Return a scene with only every so many readings of a cone."""
+    log = scene.ranges
+    own = np.flatnonzero(log.anchor == cone)
+    keep = np.ones(len(log), dtype=bool)
+    keep[np.setdiff1d(own, own[first::every])] = False
+    ranges = RangeLog(log.t_s[keep], log.anchor[keep], log.range_m[keep])
+    return replace(scene, ranges=ranges)
+
+
+@pytest.mark.parametrize("denoiser", ["raw", "gaia-set"])
+def test_a_fix_counts_readings_not_steps(denoiser: str) -> None:
+    scene = seldom_read(make_scene(), cone=1, every=10)
+    result = reconstruct(scene, PipelineConfig(denoiser=denoiser))
+    assert result.episode.valid[:, 1].sum() > 150
+    assert [fix.n_ranges for fix in result.anchors] == [
+        result.episode.readings[fix.anchor_id].kept for fix in result.anchors
+    ]
+    assert result.anchors[1].n_ranges == 20
+    twice = reconstruct([scene, make_scene(seed=1)], PipelineConfig(denoiser=denoiser))
+    assert twice.anchors[1].n_ranges == 20 + 200
+
+
+@pytest.mark.parametrize("denoiser", ["raw", "gaia-set"])
+def test_three_readings_do_not_locate_a_cone_however_many_steps_they_give(denoiser: str) -> None:
+    scene = seldom_read(make_scene(), cone=1, every=25)
+    log = scene.ranges
+    keep = (log.anchor != 1) | (log.t_s < 6.0)  # at 0, 2.5 and 5 s
+    scene = replace(scene, ranges=RangeLog(log.t_s[keep], log.anchor[keep], log.range_m[keep]))
+    result = reconstruct(scene, PipelineConfig(denoiser=denoiser))
+    assert result.anchors[1].status is AnchorStatus.TOO_FEW_RANGES
+    assert result.anchors[1].n_ranges == 3
+    assert all(fix.status.has_position for fix in result.anchors if fix.anchor_id != "cone-1")
+
+
 def test_many_anchors_are_not_all_listed():
     cones = np.column_stack([np.linspace(2.0, 38.0, 8), np.full(8, 6.0)])
     config = RAW.model_copy(update={"solver": SolverConfig(ill_conditioned_above_m=1e-3)})

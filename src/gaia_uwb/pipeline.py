@@ -64,10 +64,33 @@ def prepare(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Episode:
     InputError
         If the clocks do not overlap or no range is usable.
     """
-    episode = align(scene, config.alignment)
+    episode = _without_hardly_heard(align(scene, config.alignment), config)
     if config.calibration.range_bias == "auto":
         episode = calibrate(episode, config.calibration, config.solver)
     return episode
+
+
+def hardly_heard(episode: Episode, config: PipelineConfig = PipelineConfig()) -> Bool[Array, "N"]:
+    """Return which anchors have too few readings, or steps with a range, to be located.
+
+    Parameters
+    ----------
+    episode
+        A whole aligned log.
+    config
+        ``solver.min_ranges`` is used.
+    """
+    n_valid = np.count_nonzero(episode.valid, axis=0)
+    return np.asarray(np.minimum(episode.n_readings, n_valid) < config.solver.min_ranges)
+
+
+def _without_hardly_heard(episode: Episode, config: PipelineConfig) -> Episode:
+    """Take the ranges of anchors that cannot be located for what they are: none."""
+    few = hardly_heard(episode, config)
+    if not few.any():
+        return episode
+    valid = episode.valid & ~few
+    return replace(episode, valid=valid, range_m=np.where(valid, episode.range_m, np.nan))
 
 
 def reconstruct(
@@ -149,7 +172,8 @@ def reconstruct_passes(
     ]
     facts = KnownFacts.of(config.prior, first[0])
     decision = decide_sides(ids, fused.hypotheses, config.sides, config.solver, facts)
-    anchors = mark_moved(decision.anchors, fused)
+    with_all = [episode for episode, _ in (first, *more)]
+    anchors = _counted(mark_moved(decision.anchors, fused), with_all, config)
     boundary = make_boundary(np.stack([anchor.position_m for anchor in anchors]))
     reasons = (
         *_pass_reasons(passes, denoiser, config),
@@ -190,10 +214,10 @@ def reconstruct_episodes(
     decisions = _decide(blind, denoiser, denoised, config, true_nlos)
     results = []
     for episode, ranges, decision in zip(blind, denoised, decisions, strict=True):
-        anchors = decision.anchors
+        anchors = _counted(decision.anchors, [episode], config)
         boundary = make_boundary(np.stack([anchor.position_m for anchor in anchors]))
         reasons = (
-            *_log_reasons(episode, config),
+            *log_reasons(episode, config),
             *denoiser.notes(episode),
             *decision.reasons,
             *_reasons(anchors, boundary),
@@ -223,7 +247,7 @@ def _pass_reasons(
 ) -> Iterator[Reason]:
     """Say what is wrong with single passes."""
     for episode in passes:
-        for reason in (*_log_reasons(episode, config), *denoiser.notes(episode)):
+        for reason in (*log_reasons(episode, config), *denoiser.notes(episode)):
             yield replace(reason, text=f"{episode.name}: {reason}", passes=(episode.name,))
 
 
@@ -272,8 +296,37 @@ def _decide(
     return [decisions[k] for k in range(len(episodes))]
 
 
-def _log_reasons(episode: Episode, config: PipelineConfig) -> Iterator[Reason]:
-    """Say what is wrong with the whole log: its reading, clocks, or the size of its errors."""
+def _counted(
+    anchors: Sequence[AnchorFix], passes: Sequence[Episode], config: PipelineConfig
+) -> tuple[AnchorFix, ...]:
+    """Return fixes that count readings, not the steps that are interpolated between them."""
+    n_steps = np.sum([np.count_nonzero(episode.valid, axis=0) for episode in passes], axis=0)
+    n_readings = np.sum([episode.n_readings for episode in passes], axis=0)
+    counted = []
+    for fix, steps, readings in zip(anchors, n_steps, n_readings, strict=True):
+        if steps:
+            n_ranges = min(round(fix.n_ranges * readings / steps), int(readings))
+        else:
+            few = [episode.readings.get(fix.anchor_id) for episode in passes]
+            least = config.solver.min_ranges
+            n_ranges = sum(counts.kept for counts in few if counts and counts.kept < least)
+        counted.append(replace(fix, n_ranges=n_ranges))
+    return tuple(counted)
+
+
+def log_reasons(episode: Episode, config: PipelineConfig = PipelineConfig()) -> Iterator[Reason]:
+    """Say what is wrong with the whole log, before any cone is located.
+
+    Its reading, its clocks, and the size of its errors: a reconstruction has these reasons, and
+    ``gaia data check`` calls them problems.
+
+    Parameters
+    ----------
+    episode
+        A whole log, as :func:`prepare` makes it.
+    config
+        The settings that it was prepared with.
+    """
     yield from episode.problems
     clock, found = episode.clock, episode.calibration
     if clock is not None and (

@@ -56,8 +56,7 @@ def test_an_anchor_far_ahead_cannot_be_located() -> None:
     near, far = found.anchors
     assert near.dop < 2
     assert far.dop > 20
-    (problem,) = found.problems()
-    assert problem.startswith("cone-1: seen from too few directions (DOP above 5)")
+    assert next(found.notes()).startswith("cone-1: seen from too few directions (DOP above 5)")
 
 
 def test_a_clock_offset_is_found_and_taken_out() -> None:
@@ -118,9 +117,11 @@ def test_words() -> None:
     ]
     assert found.lines()[3] == "  c0               3.0 m   150°     1.5   ambiguous"
     assert found.lines()[-2] == "  d                9.0 m     3°     >99   ambiguous"
-    (note,) = found.notes()
+    poor, note = found.notes()
+    assert poor.startswith("d: seen from too few directions")
     seldom = Observability(CLOCK, 1.0, 0.1, found.anchors)
     assert list(seldom.notes()) == [
+        poor,
         note,
         "three cones were in range at once for only 10% of the drive",
     ]

@@ -1,6 +1,5 @@
 from .calibration import calibrate as calibrate
 from .clock import estimate_clock_offset as estimate_clock_offset
-from .contradictions import contradicting as contradicting
 from .implausible import log_notes as log_notes, log_problems as log_problems
 from .readings import (
     Pose as Pose,

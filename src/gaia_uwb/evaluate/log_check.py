@@ -1,8 +1,10 @@
-"""What a log contains, how much of it is usable, and what stands in the way, in plain words.
+"""What a log contains, how much of it is kept, and what stands in the way, in plain words.
 
-These checks use the raw log: nothing here is denoised or reconstructed, and no truth is used.
-"Usable" excludes readings that cannot help whatever is done with them later: outside the
-trajectory's time, negative, and spikes. What the geometry allows is in ``observability.py``.
+A log is checked with what a reconstruction does before it locates anything: it is aligned and
+calibrated (:func:`gaia_uwb.pipeline.prepare`), and the same function says what makes every result
+of it unreliable (:func:`gaia_uwb.pipeline.log_reasons`). So the two cannot contradict each other: a
+problem here is a reason there. No truth is used. What the geometry allows is in
+``observability.py``; it gives notes, for what comes of it shows only where cones are located.
 """
 
 from __future__ import annotations
@@ -13,24 +15,22 @@ from typing import Any
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Bool, in_a_line, problem_of
-from gaia_uwb.alignment import contradicting, log_notes, log_problems
-from gaia_uwb.config import PipelineConfig
+from gaia_uwb._shared import Array, Bool, InputError, in_a_line, problem_of
+from gaia_uwb.alignment import log_notes, usual_interval_s
+from gaia_uwb.episode import Episode, ReadingCounts
 from gaia_uwb.evaluate.observability import Observability, observe
+from gaia_uwb.pipeline import hardly_heard, log_reasons, prepare
 from gaia_uwb.scene import Scene, Trajectory
 
 GAP_S = 0.3
-"""Two readings of an anchor further apart than this, and than 2.5 typical steps, have a gap between
+"""Two readings of an anchor further apart than this, and than 2.5 usual steps, have a gap between
 them."""
-
-PARKED_BELOW_M = 1.0
-"""A vehicle whose whole path spans less than this stood still."""
 
 STRAIGHT_BELOW = 0.02
 """A path whose width is a smaller share of its length than this is straight."""
 
-MIN_USABLE = 4
-"""Fewer usable readings than this do not locate an anchor."""
+_LEAST_CONES = 3
+_NONE = ReadingCounts(0, 0, 0, 0, 0, n_steps=0)
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class DriveCheck:
     Parameters
     ----------
     n_samples, duration_s, rate_hz, longest_step_s
-        Size and timing; the rate is that of the median step.
+        Size and timing; the rate is that of the usual step (``usual_interval_s``).
     path_length_m
         Length of the path.
     extent_m
@@ -66,14 +66,15 @@ class AnchorCheck:
     Parameters
     ----------
     anchor_id, n_readings, rate_hz
-        Name, number, and the rate of the median step (NaN below 2 readings).
+        Name, number, and the rate of the usual step (NaN below 2 readings).
     n_gaps, longest_gap_s
         Gaps longer than :data:`GAP_S`, and the longest time between two readings.
-    outside_share, negative_share, spike_share, repeat_share
-        Readings outside the trajectory's time, below 0, in contradiction to most of those
-        around them, and equal to the previous one.
-    usable_share
-        Readings that are none of these.
+    n_kept, n_spikes, n_in_gaps, n_outside
+        What a reconstruction keeps of them, and what it drops: as spikes, because no other reading
+        is near enough in time, and because the pose at their time is unknown. All are 0 where the
+        log cannot be aligned.
+    negative_share, repeat_share
+        Readings below 0, and equal to the previous one.
     rssi_share
         Readings that come with a received power.
     """
@@ -83,17 +84,13 @@ class AnchorCheck:
     rate_hz: float
     n_gaps: int
     longest_gap_s: float
-    outside_share: float
+    n_kept: int
+    n_spikes: int
+    n_in_gaps: int
+    n_outside: int
     negative_share: float
-    spike_share: float
     repeat_share: float
-    usable_share: float
     rssi_share: float
-
-    @property
-    def n_usable(self) -> int:
-        """Number of usable readings."""
-        return round(self.usable_share * self.n_readings)
 
 
 @dataclass(frozen=True)
@@ -107,7 +104,7 @@ class CheckReport:
     drive, anchors
         The numbers; ``None`` and empty where the log could not be read.
     observability
-        What the log can support; ``None`` where the vehicle is parked or no reading is usable.
+        What the log can support; ``None`` where it cannot be aligned.
     problems
         What will spoil a reconstruction, or why the log cannot be read.
     notes
@@ -173,16 +170,16 @@ def _finite(value: Any) -> Any:
 
 _LONGEST_LINE = 1500
 _HEADING = (
-    "  cone          readings     Hz   gaps  longest   usable  outside  negative   spikes  repeats"
-    "   RSSI"
+    "  cone          readings     Hz   gaps  longest     kept   spikes  in gaps  outside  negative"
+    "  repeats   RSSI"
 )
 
 
 def _anchor_line(a: AnchorCheck) -> str:
     return (
         f"  {a.anchor_id:<12}{a.n_readings:>10}{a.rate_hz:>7.1f}{a.n_gaps:>7}"
-        f"{a.longest_gap_s:>7.1f} s{a.usable_share:>9.1%}{a.outside_share:>9.1%}"
-        f"{a.negative_share:>10.2%}{a.spike_share:>9.2%}{a.repeat_share:>9.1%}{a.rssi_share:>7.0%}"
+        f"{a.longest_gap_s:>7.1f} s{a.n_kept:>9}{a.n_spikes:>9}{a.n_in_gaps:>9}{a.n_outside:>9}"
+        f"{a.negative_share:>10.2%}{a.repeat_share:>9.1%}{a.rssi_share:>7.0%}"
     )
 
 
@@ -210,98 +207,105 @@ def check_scene(
     >>> t_s = np.arange(20.0)
     >>> drive = Trajectory(t_s, np.column_stack([t_s, 0 * t_s]))
     >>> log = RangeLog(t_s, np.zeros(20, dtype=np.int64), 25.0 - t_s)
-    >>> check_scene(Scene("pass", drive, log, ("cone-1",))).problems[0]
-    'the path is straight: each cone and its mirror position fit equally well'
+    >>> check_scene(Scene("pass", drive, log, ("cone-1",))).problems[-1]
+    'a boundary needs 3 cones, and this log can give 1'
     """
     drive = _check_drive(scene.trajectory)
+    episode, refused = _prepared(scene)
+    readings = {} if episode is None else episode.readings
     anchors = []
     for index in range(scene.n_anchors):
         progress(index, scene.n_anchors)
-        anchors.append(_check_anchor(scene, index))
-    moves = drive.extent_m >= PARKED_BELOW_M
-    heard = any(anchor.usable_share > 0 for anchor in anchors)
-    found = observe(scene.without_truth()) if moves and heard else None
-    problems, more = ((), ()) if found is None else (tuple(found.problems()), tuple(found.notes()))
+        anchors.append(_check_anchor(scene, index, readings.get(scene.anchor_ids[index], _NONE)))
     unscored = () if scene.truth else ("no surveyed cones: nothing to score against",)
+    if episode is None:
+        return CheckReport(
+            name=scene.name,
+            drive=drive,
+            anchors=tuple(anchors),
+            problems=(*scene.problems, refused),
+            notes=(*log_notes(scene), *unscored),
+        )
+    found = observe(scene.without_truth(), episode.clock)
     return CheckReport(
         name=scene.name,
         drive=drive,
         anchors=tuple(anchors),
         observability=found,
-        problems=(*_problems(drive, anchors), *_spoilt(scene, found), *problems),
-        notes=(*log_notes(scene), *unscored, *more),
+        problems=(
+            *map(str, log_reasons(episode)),
+            *_lost_cones(episode, anchors),
+        ),
+        notes=(*episode.notes, *unscored, *_unknown_sides(drive), *found.notes()),
     )
 
 
-def _spoilt(scene: Scene, found: Observability | None) -> Iterator[str]:
-    """Yield what makes every result unreliable, as a reconstruction says it too."""
-    if found is None:
-        yield from scene.problems
-    else:
-        gap_s = PipelineConfig().alignment.max_pose_gap_s
-        yield from map(str, log_problems(scene, found.clock.applied_s, max_gap_s=gap_s))
+def _prepared(scene: Scene) -> tuple[Episode | None, str]:
+    """Return what a reconstruction locates cones from, or why it refuses the log."""
+    try:
+        return prepare(scene.without_truth()), ""
+    except InputError as error:
+        return None, str(error)
+
+
+def _lost_cones(episode: Episode, anchors: Sequence[AnchorCheck]) -> Iterator[str]:
+    """Say which cones a reconstruction cannot locate, and whether too few are left."""
+    lost = hardly_heard(episode)
+    for anchor in (anchors[n] for n in np.flatnonzero(lost).tolist()):
+        if not anchor.n_readings:
+            yield f"{anchor.anchor_id}: no readings"
+        else:
+            yield (
+                f"{anchor.anchor_id}: {anchor.n_kept} of its {anchor.n_readings} readings can be "
+                "used, too few to locate it"
+            )
+    n_left = int((~lost).sum())
+    if n_left < _LEAST_CONES:
+        yield f"a boundary needs {_LEAST_CONES} cones, and this log can give {n_left}"
+
+
+def _unknown_sides(drive: DriveCheck) -> Iterator[str]:
+    if drive.straightness < STRAIGHT_BELOW:
+        yield "the path is straight: each cone and its mirror position fit equally well"
 
 
 def _check_drive(drive: Trajectory) -> DriveCheck:
-    step_s = np.diff(drive.t_s)
     centred_m = drive.position_m - drive.position_m.mean(axis=0)
     major, minor = np.linalg.svd(centred_m, compute_uv=False)
     return DriveCheck(
         n_samples=len(drive),
         duration_s=float(drive.t_s[-1] - drive.t_s[0]),
-        rate_hz=float(1 / np.median(step_s)),
-        longest_step_s=float(step_s.max()),
+        rate_hz=1.0 / usual_interval_s(drive.t_s),
+        longest_step_s=float(np.diff(drive.t_s).max()),
         path_length_m=drive.path_length_m,
         extent_m=float(np.hypot(*np.ptp(drive.position_m, axis=0))),
         straightness=float(minor / major) if major > 0 else 0.0,
     )
 
 
-def _check_anchor(scene: Scene, index: int) -> AnchorCheck:
-    log, drive = scene.ranges, scene.trajectory
+def _check_anchor(scene: Scene, index: int, counts: ReadingCounts) -> AnchorCheck:
+    log = scene.ranges
     mine = log.anchor == index
     t_s, range_m = log.t_s[mine], log.range_m[mine]
     step_s = np.diff(t_s)
-    usual_s = float(np.median(step_s)) if step_s.size else np.nan
-    outside = (t_s < drive.t_s[0]) | (t_s > drive.t_s[-1])
-    negative = range_m < 0
-    spike = contradicting(t_s, range_m, drive)
+    usual_s = usual_interval_s(t_s)
     repeat = np.append(False, np.diff(range_m) == 0)[: len(range_m)]
     rssi = np.zeros(len(t_s)) * np.nan if log.rssi_dbm is None else log.rssi_dbm[mine]
     return AnchorCheck(
         anchor_id=scene.anchor_ids[index],
         n_readings=len(t_s),
-        rate_hz=1 / usual_s if usual_s > 0 else np.nan,
+        rate_hz=1.0 / usual_s,
         n_gaps=int((step_s > np.fmax(GAP_S, 2.5 * usual_s)).sum()),
         longest_gap_s=float(step_s.max(initial=0.0)),
-        outside_share=_share(outside),
-        negative_share=_share(negative),
-        spike_share=_share(spike),
+        n_kept=counts.kept,
+        n_spikes=counts.spikes,
+        n_in_gaps=counts.in_gaps,
+        n_outside=counts.outside,
+        negative_share=_share(range_m < 0),
         repeat_share=_share(repeat),
-        usable_share=_share(~(outside | negative | spike)),
         rssi_share=_share(np.isfinite(rssi)),
     )
 
 
 def _share(found: Bool[Array, "R"]) -> float:
     return float(found.mean()) if found.size else 0.0
-
-
-def _problems(drive: DriveCheck, anchors: Sequence[AnchorCheck]) -> Iterator[str]:
-    if drive.extent_m < PARKED_BELOW_M:
-        yield f"the vehicle is parked: its whole path spans {drive.extent_m:.2f} m"
-    elif drive.straightness < STRAIGHT_BELOW:
-        yield "the path is straight: each cone and its mirror position fit equally well"
-    for anchor in anchors:
-        if not anchor.n_readings:
-            yield f"{anchor.anchor_id}: no readings"
-        elif anchor.n_usable < MIN_USABLE:
-            yield (
-                f"{anchor.anchor_id}: only {anchor.n_usable} of {anchor.n_readings} readings are "
-                "usable, too few to locate it"
-            )
-        elif anchor.usable_share < 0.5:
-            share = f"{anchor.usable_share:.0%}"
-            yield f"{anchor.anchor_id}: only {share} of the readings are usable"
-    if len(anchors) < 3:
-        yield f"a boundary needs 3 cones, but this log has {len(anchors)}"

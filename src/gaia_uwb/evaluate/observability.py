@@ -135,17 +135,18 @@ class Observability:
             return f"{offset}, corrected"
         return f"0 s ± {sure_s:.3f} s (90 %), not corrected: {clock.reason}"
 
-    def problems(self) -> Iterator[str]:
-        """Yield what keeps anchors from being located well, and what to do about it."""
+    def notes(self) -> Iterator[str]:
+        """Yield what may keep anchors from being located well, and what to do about it.
+
+        Whether it does shows only where they are located: errors may be small enough, and the zone
+        as a whole may tell the sides. So none of this is a problem of the log.
+        """
         poor = [a for a in self.anchors if a.dop > POOR_DOP]
         if poor:
             yield (
                 f"{_names(poor)}: seen from too few directions (DOP above {POOR_DOP:g}), so range "
                 "errors are multiplied in the position; drive all the way past, or around"
             )
-
-    def notes(self) -> Iterator[str]:
-        """Yield what is worth knowing."""
         open_ = [a for a in self.anchors if not a.side_told]
         if open_:
             yield f"{_names(open_)}: {_OPEN}"
@@ -166,13 +167,15 @@ def _names(anchors: list[AnchorView]) -> str:
     return f"{', '.join(ids[:5])}{more}"
 
 
-def observe(scene: Scene) -> Observability:
+def observe(scene: Scene, clock: ClockOffset | None = None) -> Observability:
     """Say what a log can show.
 
     Parameters
     ----------
     scene
         The log, of a vehicle that moves; its truth is not used.
+    clock
+        The offset between its clocks; estimated by default.
 
     Returns
     -------
@@ -186,7 +189,8 @@ def observe(scene: Scene) -> Observability:
     >>> found.anchors[0].view_deg > 90, found.anchors[0].side_told
     (True, False)
     """
-    clock = estimate_clock_offset(scene, _SETTINGS.alignment)
+    if clock is None:
+        clock = estimate_clock_offset(scene, _SETTINGS.alignment)
     every = max(1, len(scene.ranges) // _MOST_READINGS)
     anchors: list[AnchorView] = []
     for readings in gather_readings(scene, every=every):
