@@ -343,6 +343,12 @@ class Episode:
         return np.asarray(np.rint(n_valid * np.array(share)), dtype=np.int64)
 
     @property
+    def all_readings(self) -> ReadingCounts | None:
+        """What became of the readings of all anchors together; None where there was no log."""
+        counts = list(self.readings.values())
+        return sum(counts[1:], start=counts[0]) if counts else None
+
+    @property
     def usual_speed_mps(self) -> float:
         """Median speed over the steps at which a range came in, in metres per second."""
         heard = np.asarray(self.valid.any(axis=1))[1:]
@@ -429,6 +435,7 @@ class Episode:
         for n, anchor_id in enumerate(self.anchor_ids):
             range_m = self.range_m[self.valid[:, n], n]
             span = f"{range_m.min():.2f} to {range_m.max():.2f}" if len(range_m) else ""
-            rows.append([anchor_id, str(len(range_m)), f"{self.valid[:, n].mean():.0%}", span])
+            n_readings = str(self.n_readings[n])
+            rows.append([anchor_id, n_readings, f"{self.valid[:, n].mean():.0%}", span])
         head = ("cone", "ranges", "share of steps", "range (m)")
         return summary(self.name, facts, sketch(self.position_m), head=head, rows=rows)

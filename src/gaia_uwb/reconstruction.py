@@ -11,11 +11,12 @@ import numpy as np
 
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoised import DenoisedRanges
-from gaia_uwb.episode import Episode
+from gaia_uwb.episode import Episode, ReadingCounts
 from gaia_uwb.estimate import (
     AnchorFix,
     AnchorStatus,
     Boundary,
+    BoundaryStatus,
     Reason,
     ReasonKind,
 )
@@ -105,6 +106,26 @@ class Reconstruction:
         return tuple(dict.fromkeys(words))
 
     @property
+    def readings(self) -> dict[str, ReadingCounts]:
+        """What became of the readings of each anchor, by its id, in all passes together.
+
+        Empty where no pass is from a log.
+        """
+        found: dict[str, ReadingCounts] = {}
+        for episode, _ in self.passes:
+            for anchor_id, counts in episode.readings.items():
+                found[anchor_id] = found[anchor_id] + counts if anchor_id in found else counts
+        return found
+
+    @property
+    def boundary_words(self) -> str:
+        """The boundary in a few words for people, which never contradict the verdict."""
+        good = self.status is ReconstructionStatus.OK
+        enclosed = self.boundary.status is BoundaryStatus.OK
+        state = self.status.value if enclosed and not good else self.boundary.status.value
+        return f"{state}, {self.boundary.area_m2:.1f} m²"
+
+    @property
     def stated(self) -> tuple[str, ...]:
         """What was stated about the zone beforehand and used in the result, in words."""
         words = said_words(self.config.prior)
@@ -130,7 +151,7 @@ class Reconstruction:
         located = [anchor for anchor in self.anchors if anchor.status.has_position]
         facts = [
             f"{self.status.value}: {len(located)} of {len(self.anchors)} cones located, "
-            f"boundary {self.boundary.status.value}, {self.boundary.area_m2:.1f} m²",
+            f"boundary {self.boundary_words}",
             *map(str, self.reasons),
             *(f"note: {note}" for note in self.notes),
         ]

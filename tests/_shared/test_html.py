@@ -16,6 +16,7 @@ from factories import HOSTILE, SQUARE_M, make_fix, make_reason, make_reconstruct
 from gaia_uwb._shared.html import Mark, sketch, summary
 from gaia_uwb._shared.text import printable
 from gaia_uwb.estimate import AnchorStatus, Reason
+from gaia_uwb.reconstruction import ReconstructionStatus
 from gaia_uwb.simulate import PRESETS, simulate_pass
 
 
@@ -48,6 +49,9 @@ def test_reconstruction_shows_the_verdict_and_every_anchor() -> None:
     seen = Seen(reconstruction._repr_html_())
     assert seen.texts[0] == "a drive"
     assert "ok: 3 of 4 cones located, boundary ok, 6.0 m²" in seen.texts
+    doubted = replace(reconstruction, status=ReconstructionStatus.UNRELIABLE)
+    words = "unreliable: 3 of 4 cones located, boundary unreliable, 6.0 m²"
+    assert words in Seen(doubted._repr_html_()).texts
     assert "cone-0: side" in seen.texts
     assert seen.tags.count("tr") == 5
     row = seen.texts.index("ambiguous")

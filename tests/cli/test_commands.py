@@ -70,6 +70,38 @@ def test_straight_path_is_unreliable_and_says_why(run, tmp_path: Path) -> None: 
     assert report["status"] == "unreliable"
     assert "ambiguous" in {reason["kind"] for reason in report["reasons"]}
     assert "mirror" in out
+    assert f"  boundary: unreliable, {report['boundary']['area_m2']:.1f} m²" in out
+    page = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert "`--side`" in page
+    for words in (out, page):
+        assert not re.search(r"boundary:? ok\b", words)
+
+
+def test_a_side_that_was_stated_is_not_asked_for(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    run("reconstruct", "sim:stress/1", "--side", "left", "--out", tmp_path)
+    page = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert "How to improve the result" in page
+    assert "state it (`--side`)" not in page
+
+
+def test_a_check_and_a_reconstruction_count_the_same_readings(
+    run, log: Path, tmp_path: Path
+) -> None:  # type: ignore[no-untyped-def]
+    out = run("reconstruct", log, "--out", tmp_path)[1]
+    report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    (checked,) = json.loads(run("data", "check", log, "--json")[1])["reports"]
+    names = {"in_log": "n_readings", "kept": "n_kept", "spikes": "n_spikes",
+             "in_gaps": "n_in_gaps", "outside": "n_outside"}  # fmt: skip
+    assert len(checked["anchors"]) == 8
+    for mine, theirs in zip(report["anchors"], checked["anchors"], strict=True):
+        assert mine["readings"] == {name: theirs[other] for name, other in names.items()}
+        assert mine["n_ranges"] == theirs["n_kept"]
+    (each,) = report["passes"]
+    counts = each["readings"]
+    assert (
+        f"  {counts['in_log']} readings in the log: {counts['kept']} kept, {counts['spikes']} "
+        f"dropped as spikes, {counts['in_gaps']} in gaps, {counts['outside']} outside the path"
+    ) in out.splitlines()
 
 
 def test_terminal_and_report_state_the_same_uncertainty_and_its_level(
@@ -401,8 +433,11 @@ def test_check_says_what_a_log_can_tell(run, log: Path, tmp_path: Path) -> None:
     assert report["drive"]["rate_hz"] == pytest.approx(8.0)
     assert {"clock", "three_share", "anchors"} <= set(report["observability"])
     code, out, _ = run("data", "check", "sim:straight")
+    assert code == 0
+    assert "note: the path is straight" in out
+    code, out, _ = run("data", "check", "sim:parked")
     assert code == 1
-    assert "PROBLEM: the path is straight" in out
+    assert re.search("PROBLEM: .*: the vehicle hardly moves", out)
     (tmp_path / "trajectory.csv").write_text("nonsense", encoding="utf-8")
     code, out, _ = run("data", "check", tmp_path, "--json")
     (report,) = json.loads(out)["reports"]

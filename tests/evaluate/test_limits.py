@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from math import nan
 from typing import Any
 
 import numpy as np
 import pytest
 
 from factories import SQUARE_M, make_fix, make_reconstruction, make_unlocated
+from gaia_uwb.config import AlignmentConfig, KnownAnchor, PipelineConfig, PriorConfig
 from gaia_uwb.episode import ClockOffset, RangeCalibration
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
 from gaia_uwb.evaluate.advice import Advice
@@ -61,7 +64,7 @@ def test_unknown_side_of_a_straight_path() -> None:
     assert "the other side has 37 % probability" in text
     assert "45.0 m long within a strip of 0.00 m" in text
     advice = found[ReasonKind.AMBIGUOUS].advice
-    assert advice == (Advice.SECOND_DRIVE, Advice.WEAVE, Advice.SURVEY)
+    assert advice == (Advice.SECOND_DRIVE, Advice.WEAVE, Advice.STATE_SIDE, Advice.SURVEY)
 
 
 def test_unknown_side_of_a_bent_path_does_not_blame_the_path() -> None:
@@ -70,6 +73,90 @@ def test_unknown_side_of_a_bent_path_does_not_blame_the_path() -> None:
     bent_m = reconstruction.episode.position_m + np.sin(np.arange(200) / 20.0)[:, None] * [0, 2]
     found = limits_of(reconstruction, position_m=bent_m)
     assert "straight" not in found[ReasonKind.AMBIGUOUS].text
+
+
+def advice_for_an_open_side(
+    prior: PriorConfig = PriorConfig(),
+    alignment: AlignmentConfig = AlignmentConfig(),
+    passes: Sequence[np.ndarray] = (),
+    **changes: Any,
+) -> tuple[Advice, ...]:
+    """Return what is advised about a cone whose side is open, with passes along other paths."""
+    fix = make_fix("cone-0", SQUARE_M[0], status=AnchorStatus.AMBIGUOUS, mirror_probability=0.4)
+    made = make_reconstruction(changed={0: fix})
+    episode = replace(made.episode, **changes)
+    others = [replace(episode, position_m=path_m) for path_m in passes]
+    config = PipelineConfig(prior=prior, alignment=alignment)
+    found = find_limits(episode, made.anchors, config, passes=(episode, *others))
+    return tuple(advice for limit in found for advice in limit.advice)
+
+
+LINE_M = make_reconstruction().episode.position_m
+
+
+def test_a_side_that_was_stated_is_not_asked_for() -> None:
+    assert Advice.STATE_SIDE in advice_for_an_open_side(PriorConfig(closure="lane-closure"))
+    told = advice_for_an_open_side(PriorConfig(side="left"))
+    assert Advice.STATE_SIDE not in told
+    assert not any("--side" in advice for advice in told)
+    assert Advice.SURVEY in told
+
+
+@pytest.mark.parametrize(("surveyed", "asked"), [("cone-0", False), ("cone-1", True)])
+def test_a_cone_that_was_surveyed_is_not_to_be_surveyed(surveyed: str, asked: bool) -> None:
+    known = KnownAnchor(anchor_id=surveyed, east_m=0.0, north_m=0.0)
+    told = advice_for_an_open_side(PriorConfig(known_anchors=(known,)))
+    assert (Advice.SURVEY in told) is asked
+
+
+@pytest.mark.parametrize(("lane_m", "other_lane"), [(0.5, True), (3.6, False)])
+def test_a_second_pass_is_not_asked_for_twice(lane_m: float, other_lane: bool) -> None:
+    alone = advice_for_an_open_side()
+    assert Advice.SECOND_DRIVE in alone
+    assert Advice.WEAVE in alone
+    assert Advice.OTHER_LANE not in alone
+    told = advice_for_an_open_side(passes=[LINE_M + np.array([0.0, lane_m])])
+    assert Advice.SECOND_DRIVE not in told
+    assert Advice.WEAVE not in told
+    assert (Advice.OTHER_LANE in told) is other_lane
+
+
+def test_who_wove_is_not_asked_to() -> None:
+    woven_m = LINE_M + np.sin(np.arange(200) / 20.0)[:, None] * [0, 3]
+    told = advice_for_an_open_side(position_m=woven_m)
+    assert Advice.WEAVE not in told
+    assert Advice.SECOND_DRIVE in told
+
+
+UNSURE = ClockOffset(0.0, 0.5, applied=False, reason="the drive is too steady")
+
+
+@pytest.mark.parametrize(("path_m", "asked"), [(LINE_M, True), (LINE_M[::-1], False)])
+def test_the_other_direction_is_not_asked_for_twice(path_m: np.ndarray, asked: bool) -> None:
+    told = advice_for_an_open_side(passes=[path_m], clock=UNSURE)
+    assert (Advice.BOTH_WAYS in told) is asked
+    assert Advice.ONE_CLOCK in told
+
+
+def test_who_trusts_the_clocks_gets_no_advice_on_them() -> None:
+    told = advice_for_an_open_side(alignment=AlignmentConfig(clock_offset="off"), clock=UNSURE)
+    assert not {Advice.BOTH_WAYS, Advice.ONE_CLOCK} & set(told)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_heights_that_are_known_are_not_to_be_measured(known: bool) -> None:
+    calibration = RangeCalibration(np.array([0.5, 0.0]), np.eye(2) * 0.01, 0.06, 4.0)
+    heights = {} if known else {"tag_up_m": None}
+    found = limits_of(make_reconstruction(), calibration=calibration, **heights)
+    assert (Advice.HEIGHTS in found[ReasonKind.RANGE_BIAS].advice) is not known
+
+
+def test_a_pass_in_which_nothing_was_heard() -> None:
+    episode = make_reconstruction().episode
+    silent = {"valid": np.zeros_like(episode.valid), "range_m": np.full_like(episode.range_m, nan)}
+    changed = {k: make_unlocated(f"cone-{k}") for k in range(4)}
+    found = limits_of(make_reconstruction(changed=changed), **silent)
+    assert set(found) == {ReasonKind.TOO_FEW_RANGES}
 
 
 def test_poor_geometry_names_the_worst_and_both_axes() -> None:

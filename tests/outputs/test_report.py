@@ -15,7 +15,7 @@ from factories import SITE, SQUARE_M, make_fix, make_reconstruction, make_unloca
 from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb._shared.files import visible
 from gaia_uwb.config import AlignmentConfig, PipelineConfig, load_config
-from gaia_uwb.episode import ClockOffset
+from gaia_uwb.episode import ClockOffset, ReadingCounts
 from gaia_uwb.estimate import Reason, ReasonKind
 from gaia_uwb.evaluate.metrics import Metric
 from gaia_uwb.outputs.geojson import boundary_geojson
@@ -88,12 +88,26 @@ def test_report_of_an_anchor() -> None:
         "id": "A", "east_m": 1.0, "north_m": 2.0, "covariance_m2": [[0.04, 0.01], [0.01, 0.02]],
         "mirror_probability": 0.002, "side_is_open": False,
         "mirror_east_m": 1.0, "mirror_north_m": -10.0,
-        "mirror_covariance_m2": None, "status": "ok", "n_ranges": 180, "range_bias_m": 0.05,
+        "mirror_covariance_m2": None, "status": "ok", "n_ranges": 180, "readings": None,
+        "range_bias_m": 0.05,
     }  # fmt: skip
     metres_per_degree = 111_190.0  # of latitude at 48 degrees, to 0.1 %
     assert lat - SITE.lat_deg == pytest.approx(2.0 / metres_per_degree, rel=1e-2)
     expected = 1.0 / metres_per_degree / np.cos(np.radians(SITE.lat_deg))
     assert lon - SITE.lon_deg == pytest.approx(expected, rel=1e-2)
+
+
+def test_what_became_of_the_readings_is_in_the_report() -> None:
+    made = make_reconstruction()
+    one = ReadingCounts(200, 150, 30, 8, 12, n_steps=180)
+    told = replace(made.episode, readings=dict.fromkeys(made.episode.anchor_ids, one))
+    report = make_report(
+        replace(made, episode=told, more_passes=((replace(told, name="b"), made.denoised),))
+    )
+    words = {"in_log": 200, "kept": 150, "spikes": 30, "in_gaps": 8, "outside": 12}
+    twice, fourfold = ({name: k * n for name, n in words.items()} for k in (2, 4))
+    assert [anchor["readings"] for anchor in report["anchors"]] == [twice] * 4
+    assert [each["readings"] for each in report["passes"]] == [fourfold] * 2
 
 
 def test_what_is_unknown_is_null() -> None:

@@ -61,7 +61,7 @@ def data_check(
     with Progress() as progress:
         reports = check_source(source, data_dir=data_dir, progress=progress.update)
     if as_json:
-        content = {"schema": 1, "reports": [report.as_json() for report in reports]}
+        content = {"schema": 2, "reports": [report.as_json() for report in reports]}
         typer.echo(json.dumps(content, indent=1, allow_nan=False))
     else:
         for report in reports:

@@ -144,16 +144,18 @@ def print_summary(
     from gaia_uwb._shared import SIGMAS_90
 
     lines = [f"{result.name}: {result.status.value}"]
-    for episode, ranges in result.passes:
+    for episode, _ in result.passes:
         if result.more_passes:
-            lines.append(f"  pass {episode.name}: {int(ranges.valid.sum())} ranges")
+            lines.append(f"  pass {episode.name}: {int(episode.n_readings.sum())} ranges")
+        if (counts := episode.all_readings) is not None:
+            lines.append(f"  {counts}")
         if (clock := episode.clock) is not None:
             lines.append(
                 f"  clock offset {clock.applied_s:+.3f} s ± {SIGMAS_90 * clock.sigma_s:.3f} s "
                 f"(90 %): {clock.reason}"
             )
     lines += [f"  {_cone(anchor)}" for anchor in result.anchors]
-    lines.append(f"  boundary: {result.boundary.status.value}, {result.boundary.area_m2:.1f} m²")
+    lines.append(f"  boundary: {result.boundary_words}")
     if metrics is not None:
         shown = ("anchor_mae", "polygon_iou", "polygon_hausdorff")
         found = [

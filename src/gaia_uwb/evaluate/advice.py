@@ -28,13 +28,18 @@ class Advice(StrEnum):
         "Drive past a second time in another lane, or along the other side of the work zone: "
         "ranges from two lines distinguish the sides and locate the cones in both directions."
     )
+    OTHER_LANE = (
+        "Drive one of the passes in another lane, or along the other side of the work zone: these "
+        "ran along nearly one line, which cannot distinguish its two sides."
+    )
     WEAVE = (
         "Where a second pass is not possible, change lanes or weave once while passing: a curved "
         "path distinguishes left from right."
     )
+    STATE_SIDE = "Note which side of the road these cones are on, and state it (`--side`)."
     SURVEY = (
-        "Survey one of these cones, or note which side of the road they are on, and state it "
-        "(`--known-anchor`, `--side`); the map shows both positions."
+        "Survey one of these cones and state its position (`--known-anchor`); the map shows both "
+        "positions."
     )
     BOTH_WAYS = (
         "Drive past once in each direction: a clock offset shifts the cones forwards in one "

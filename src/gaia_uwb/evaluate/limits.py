@@ -1,13 +1,13 @@
 """What limited a reconstruction, and what to do about it: in plain words, each with its numbers.
 
 Every check tests one thing in the log or the result, and says nothing where that is good enough.
-All of it follows from the data; no truth is needed.
+All of it follows from the data; no truth is needed. What was done already is not advised again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -31,6 +31,9 @@ _BLOCKED_M = 0.3
 _HEIGHT_M = 0.05  # a range that a height of a metre changes by more counts
 _FAST_MPS = 5.0
 _MISFIT_M = 1.0
+_LANE_M = 2.0  # paths that are farther apart run in two lanes; one that strays more is no line
+_BOTH_WAYS_SHARE = 0.2  # of the way, which is driven against the rest of it
+_MOST_PLACES = 300  # of a path that are compared with another
 _ADVICE = {
     ReasonKind.LOG: Advice.CHECK_LOG,
     ReasonKind.STATEMENT: Advice.CHECK_STATEMENT,
@@ -65,6 +68,7 @@ def find_limits(
     config: PipelineConfig = PipelineConfig(),
     *,
     name: Callable[[str], str] = printable,
+    passes: Sequence[Episode] = (),
 ) -> tuple[Limit, ...]:
     """Say what limited a reconstruction; nothing where every check is passed.
 
@@ -78,6 +82,8 @@ def find_limits(
         The settings that it was made with.
     name
         How an anchor's id is written, so that a file's own marks can be escaped.
+    passes
+        All passes that were fused, in one frame; by default the episode alone.
 
     Examples
     --------
@@ -87,12 +93,19 @@ def find_limits(
     >>> [limit.kind.value for limit in find_limits(result.episode, result.anchors)][:2]
     ['ambiguous', 'gaps']
     """
-    view = _View(episode, tuple(anchors), config, name)
+    view = _View(episode, tuple(anchors), config, name, tuple(passes) or (episode,))
     checks: tuple[Callable[[_View], Iterable[Limit]], ...] = (
         _misfit, _clock, _short_path, _moved, _unknown_side, _poor_geometry, _not_settled,
         _lost, _few_ranges, _gaps, _blocked, _range_bias, _heights, _few_cones,
     )  # fmt: skip
-    return tuple(limit for check in checks for limit in check(view))
+    if not episode.valid.any():  # nothing of it was heard well enough
+        checks = (_lost, _few_cones)
+    done = _followed(view)
+    return tuple(
+        replace(limit, advice=tuple(advice for advice in limit.advice if advice not in done))
+        for check in checks
+        for limit in check(view)
+    )
 
 
 def limits_of_reasons(
@@ -122,6 +135,7 @@ class _View:
     anchors: tuple[AnchorFix, ...]
     config: PipelineConfig
     name: Callable[[str], str]
+    passes: tuple[Episode, ...]
 
     def cones(self, chosen: Sequence[AnchorFix]) -> str:
         """Name up to five cones, or say that it is all of them."""
@@ -139,6 +153,12 @@ class _View:
     def residual_m(self) -> Float64[Array, "T N"]:
         return range_residual_m(self.episode, self.anchors)
 
+    @property
+    def heights_are_known(self) -> bool:
+        up_m = self.episode.anchor_up_m
+        known = up_m is not None and bool(np.isfinite(up_m).all())
+        return known and self.episode.tag_up_m is not None
+
     @cached_property
     def strip_m(self) -> tuple[float, float]:
         """Length and width of the strip that holds the path on which ranges came in."""
@@ -147,6 +167,54 @@ class _View:
         _, axes = np.linalg.eigh(centred_m.T @ centred_m)  # two, also where there is one step
         width_m, length_m = np.ptp(centred_m @ axes, axis=0)
         return float(length_m), float(width_m)
+
+
+def _followed(view: _View) -> frozenset[Advice]:
+    """Return the advice that was followed already, or is not for as many passes."""
+    prior = view.config.prior
+    surveyed = {known.anchor_id for known in prior.known_anchors}
+    open_ids = {anchor.anchor_id for anchor in view.anchors if anchor.side_is_open}
+    trusted = view.config.alignment.clock_offset == "off"
+    several = len(view.passes) > 1
+    followed = {
+        Advice.SECOND_DRIVE: several,
+        Advice.OTHER_LANE: not several or _in_two_lanes(view.passes),
+        Advice.WEAVE: several or _strays(view),
+        Advice.STATE_SIDE: prior.side is not None,
+        Advice.SURVEY: not surveyed.isdisjoint(open_ids),
+        Advice.BOTH_WAYS: trusted or _both_ways(view.passes),
+        Advice.ONE_CLOCK: trusted,
+        Advice.HEIGHTS: view.heights_are_known,
+    }
+    return frozenset(advice for advice, done in followed.items() if done)
+
+
+def _strays(view: _View) -> bool:
+    """Whether the path is no straight line where cones were heard."""
+    if not view.episode.valid.any():
+        return False
+    length_m, width_m = view.strip_m
+    return width_m > max(_LANE_M, _STRAIGHT_BELOW * length_m)
+
+
+def _in_two_lanes(passes: Sequence[Episode]) -> bool:
+    """Whether half of one pass is farther from another than a lane is wide."""
+    paths_m = [each.position_m[:: each.n_steps // _MOST_PLACES + 1] for each in passes]
+    for k, one_m in enumerate(paths_m):
+        for other_m in paths_m[:k]:
+            apart_m = np.hypot(*(one_m[:, None] - other_m).transpose(2, 0, 1)).min(axis=1)
+            if float(np.median(apart_m)) > _LANE_M:
+                return True
+    return False
+
+
+def _both_ways(passes: Sequence[Episode]) -> bool:
+    """Whether much of the way, of all passes together, was driven against the rest of it."""
+    step_m = np.concatenate([np.diff(each.position_m, axis=0) for each in passes])
+    main = np.linalg.eigh(step_m.T @ step_m)[1][:, -1]
+    along_m = step_m @ main
+    back_m, forth_m = float(-along_m[along_m < 0].sum()), float(along_m[along_m > 0].sum())
+    return min(back_m, forth_m) > _BOTH_WAYS_SHARE * (back_m + forth_m)
 
 
 def _misfit(view: _View) -> Iterator[Limit]:
@@ -200,7 +268,10 @@ def _unknown_side(view: _View) -> Iterator[Limit]:
             f" The path was straight ({metres(length_m)} long within a strip of "
             f"{metres(width_m)}), and a straight path cannot distinguish its two sides."
         )
-    yield Limit(ReasonKind.AMBIGUOUS, text, (Advice.SECOND_DRIVE, Advice.WEAVE, Advice.SURVEY))
+    advice = (
+        Advice.SECOND_DRIVE, Advice.OTHER_LANE, Advice.WEAVE, Advice.STATE_SIDE, Advice.SURVEY,
+    )  # fmt: skip
+    yield Limit(ReasonKind.AMBIGUOUS, text, advice)
 
 
 def _poor_geometry(view: _View) -> Iterator[Limit]:
@@ -220,7 +291,8 @@ def _poor_geometry(view: _View) -> Iterator[Limit]:
             f"; the worst is {view.name(worst.anchor_id)}, ± {metres(longer_m)} in one direction "
             f"and ± {metres(shorter_m)} across it (90 %)"
         )
-    yield Limit(ReasonKind.ILL_CONDITIONED, f"{text}.", (Advice.SECOND_DRIVE, Advice.LONGER))
+    advice = (Advice.SECOND_DRIVE, Advice.OTHER_LANE, Advice.LONGER)
+    yield Limit(ReasonKind.ILL_CONDITIONED, f"{text}.", advice)
 
 
 def _moved(view: _View) -> Iterator[Limit]:
@@ -332,8 +404,7 @@ def _range_bias(view: _View) -> Iterator[Limit]:
 
 
 def _heights(view: _View) -> Iterator[Limit]:
-    up_m = view.episode.anchor_up_m
-    if view.episode.tag_up_m is not None and up_m is not None and np.isfinite(up_m).all():
+    if view.heights_are_known:
         return
     nearest_m = float(np.nanmin(np.where(view.episode.valid, view.episode.range_m, np.nan)))
     change_m = float(np.hypot(nearest_m, 1.0) - nearest_m)

@@ -84,12 +84,13 @@ def _located(reconstruction: Reconstruction) -> list[AnchorFix]:
 def _summary(reconstruction: Reconstruction) -> Iterator[str]:
     boundary, n_cones = reconstruction.boundary, len(reconstruction.anchors)
     located = _of_all(len(_located(reconstruction)), n_cones)
+    good = reconstruction.status is ReconstructionStatus.OK
+    zone = "The work zone" if good else "The zone as computed"
     area = {
-        BoundaryStatus.OK: f"The work zone covers {_square_metres(boundary.area_m2)}.",
+        BoundaryStatus.OK: f"{zone} covers {_square_metres(boundary.area_m2)}.",
         BoundaryStatus.TOO_FEW_ANCHORS: "That is too few for a boundary.",
         BoundaryStatus.COLLINEAR: "They are on one line, so they enclose no area.",
     }[boundary.status]
-    good = reconstruction.status is ReconstructionStatus.OK
     verdict = "Reliable." if good else "Needs review."
     verb = "was" if n_cones == 1 else "were"
     yield f"**{verdict}** {located[:1].upper()}{located[1:]} {verb} located. {area}"
@@ -122,10 +123,11 @@ def _of_all(count: int, n_cones: int) -> str:
 def _all_limits(reconstruction: Reconstruction) -> list[Limit]:
     """Return what limited the result; a limit of only one of several passes names that pass."""
     anchors, config = reconstruction.anchors, reconstruction.config
+    episodes = [episode for episode, _ in reconstruction.passes]
     found = [
         (in_markdown(episode.name), limit)
-        for episode, _ in reconstruction.passes
-        for limit in find_limits(episode, anchors, config, name=in_markdown)
+        for episode in episodes
+        for limit in find_limits(episode, anchors, config, name=in_markdown, passes=episodes)
     ]
     said = [limit for _, limit in found]
     of_logs = [
@@ -273,6 +275,8 @@ def _advice(limits: Sequence[Limit]) -> Iterator[str]:
     steps = [advice.value for advice in Advice if advice in wanted]
     if steps:
         yield "\n".join(f"{k}. {step}" for k, step in enumerate(steps, start=1))
+    elif limits:
+        yield "What could be advised about these limitations was done already."
     else:
         yield "Nothing in this log calls for another drive."
 

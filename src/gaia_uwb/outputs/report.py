@@ -35,7 +35,7 @@ import numpy as np
 
 from gaia_uwb._shared import figure_png, figure_svg
 from gaia_uwb.config import dump_config
-from gaia_uwb.episode import Episode, RangeCalibration
+from gaia_uwb.episode import Episode, RangeCalibration, ReadingCounts
 from gaia_uwb.estimate import AnchorFix, Reason
 from gaia_uwb.evaluate import Metric
 from gaia_uwb.logs import results_folder
@@ -106,8 +106,13 @@ def make_report(
         "stated": list(reconstruction.stated),
         **_errors(alone),
         "passes": [
-            {"name": e.name, "n_ranges": int(ranges.valid.sum()), **_errors(e)}
-            for e, ranges in reconstruction.passes
+            {
+                "name": e.name,
+                "n_ranges": int(e.n_readings.sum()),
+                "readings": _readings(e.all_readings),
+                **_errors(e),
+            }
+            for e, _ in reconstruction.passes
         ],
         "anchors": _anchors(reconstruction),
         "boundary": {
@@ -246,14 +251,15 @@ def _calibration(calibration: RangeCalibration | None) -> Json | None:
 
 def _anchors(reconstruction: Reconstruction) -> list[Json]:
     position_m = np.array([anchor.position_m for anchor in reconstruction.anchors])
+    readings = reconstruction.readings
     places = lon_lat(reconstruction.episode.frame, position_m).round(9)
     return [
-        _anchor(anchor, float(lon), float(lat))
+        _anchor(anchor, float(lon), float(lat), readings.get(anchor.anchor_id))
         for anchor, (lon, lat) in zip(reconstruction.anchors, places, strict=True)
     ]
 
 
-def _anchor(anchor: AnchorFix, lon: float, lat: float) -> Json:
+def _anchor(anchor: AnchorFix, lon: float, lat: float, readings: ReadingCounts | None) -> Json:
     covariance_m2, (mirror_m, mirror_m2) = anchor.covariance_m2, other_place(anchor)
     return {
         "id": anchor.anchor_id,
@@ -269,8 +275,15 @@ def _anchor(anchor: AnchorFix, lon: float, lat: float) -> Json:
         "mirror_covariance_m2": mirror_m2.tolist() if np.isfinite(mirror_m2).all() else None,
         "status": anchor.status.value,
         "n_ranges": anchor.n_ranges,
+        "readings": _readings(readings),
         "range_bias_m": _finite(anchor.range_bias_m),
     }
+
+
+def _readings(counts: ReadingCounts | None) -> Json | None:
+    """Return what became of readings; ``in_log`` is the sum of the others."""
+    names = ("in_log", "kept", "spikes", "in_gaps", "outside")
+    return None if counts is None else {name: getattr(counts, name) for name in names}
 
 
 def _finite(value: float) -> float | None:

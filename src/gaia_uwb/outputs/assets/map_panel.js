@@ -137,7 +137,7 @@ function tellStatus() {
   const good = report.status === "ok", { boundary } = report;
   html("span", good ? "✓ reliable" : "! needs review", byId("status"), `chip${good ? "" : " warn"}`);
   const area = boundary.status === "ok"
-    ? `the zone covers ${squareMetres(boundary.area_m2)}${areaSureness()}`
+    ? `the zone${good ? "" : " as computed"} covers ${squareMetres(boundary.area_m2)}${areaSureness()}`
     : boundary.status === "collinear" ? "all on one line, so no area"
       : "too few cones for a boundary";
   const found = cones.size === order.length && order.length > 1
