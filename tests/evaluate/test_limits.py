@@ -18,6 +18,7 @@ from gaia_uwb.evaluate.advice import Advice
 from gaia_uwb.evaluate.limits import Limit, find_limits, limits_of_reasons
 from gaia_uwb.reconstruction import Reconstruction
 
+DEFAULTS = PipelineConfig()
 LEVEL = {"tag_up_m": np.full(200, 1.5), "anchor_up_m": np.full(4, 1.0)}
 
 
@@ -76,27 +77,27 @@ def test_unknown_side_of_a_bent_path_does_not_blame_the_path() -> None:
 
 
 def advice_for_an_open_side(
-    prior: PriorConfig = PriorConfig(),
-    alignment: AlignmentConfig = AlignmentConfig(),
-    passes: Sequence[np.ndarray] = (),
-    **changes: Any,
+    config: PipelineConfig = DEFAULTS, passes: Sequence[np.ndarray] = (), **changes: Any
 ) -> tuple[Advice, ...]:
     """Return what is advised about a cone whose side is open, with passes along other paths."""
     fix = make_fix("cone-0", SQUARE_M[0], status=AnchorStatus.AMBIGUOUS, mirror_probability=0.4)
     made = make_reconstruction(changed={0: fix})
     episode = replace(made.episode, **changes)
     others = [replace(episode, position_m=path_m) for path_m in passes]
-    config = PipelineConfig(prior=prior, alignment=alignment)
     found = find_limits(episode, made.anchors, config, passes=(episode, *others))
     return tuple(advice for limit in found for advice in limit.advice)
+
+
+def stated(**prior: Any) -> PipelineConfig:
+    return PipelineConfig(prior=PriorConfig(**prior))
 
 
 LINE_M = make_reconstruction().episode.position_m
 
 
 def test_a_side_that_was_stated_is_not_asked_for() -> None:
-    assert Advice.STATE_SIDE in advice_for_an_open_side(PriorConfig(closure="lane-closure"))
-    told = advice_for_an_open_side(PriorConfig(side="left"))
+    assert Advice.STATE_SIDE in advice_for_an_open_side(stated(closure="lane-closure"))
+    told = advice_for_an_open_side(stated(side="left"))
     assert Advice.STATE_SIDE not in told
     assert not any("--side" in advice for advice in told)
     assert Advice.SURVEY in told
@@ -105,7 +106,7 @@ def test_a_side_that_was_stated_is_not_asked_for() -> None:
 @pytest.mark.parametrize(("surveyed", "asked"), [("cone-0", False), ("cone-1", True)])
 def test_a_cone_that_was_surveyed_is_not_to_be_surveyed(surveyed: str, asked: bool) -> None:
     known = KnownAnchor(anchor_id=surveyed, east_m=0.0, north_m=0.0)
-    told = advice_for_an_open_side(PriorConfig(known_anchors=(known,)))
+    told = advice_for_an_open_side(stated(known_anchors=(known,)))
     assert (Advice.SURVEY in told) is asked
 
 
@@ -139,7 +140,8 @@ def test_the_other_direction_is_not_asked_for_twice(path_m: np.ndarray, asked: b
 
 
 def test_who_trusts_the_clocks_gets_no_advice_on_them() -> None:
-    told = advice_for_an_open_side(alignment=AlignmentConfig(clock_offset="off"), clock=UNSURE)
+    trusted = PipelineConfig(alignment=AlignmentConfig(clock_offset="off"))
+    told = advice_for_an_open_side(trusted, clock=UNSURE)
     assert not {Advice.BOTH_WAYS, Advice.ONE_CLOCK} & set(told)
 
 
