@@ -245,6 +245,12 @@ def test_a_sample_that_the_path_lacks_makes_no_steps() -> None:
     assert np.array_equal(align(sampled_at(path_s), TRUSTED).t_s, path_s)
 
 
+def test_no_step_is_where_the_path_is_unknown() -> None:
+    """A wrong stamp may be years away: nothing is laid out for the time in between."""
+    path_s = np.array([-4.0, -3.5, -3.0, 3e8, 6e8, 9e8])
+    assert np.diff(align(sampled_at(path_s), TRUSTED).t_s).max() > 2e8
+
+
 @pytest.mark.parametrize("range_hz", [0.5, 0.9, 2.0])
 def test_the_gap_follows_the_rate_of_each_anchor(range_hz: float) -> None:
     """Of a radio that answers seldom no reading is thrown away for that."""

@@ -97,22 +97,27 @@ def spike_problems(readings: Mapping[str, ReadingCounts]) -> Iterator[Reason]:
             yield Reason(ReasonKind.LOG, text, cones=(anchor_id,), numbers={"share": share})
 
 
-def log_notes(scene: Scene) -> Iterator[str]:
+def log_notes(scene: Scene, readings: Mapping[str, ReadingCounts] | None = None) -> Iterator[str]:
     """Yield what is worth knowing of a log, the reader's notes first.
 
     Parameters
     ----------
     scene
         The log; its truth is not used.
+    readings
+        What became of its readings, by anchor id, if it was aligned.
     """
     yield from scene.notes
-    drive, t_s = scene.trajectory, scene.ranges.t_s
+    drive = scene.trajectory
     longest_s = float(np.diff(drive.t_s).max())
     if longest_s > _GAP_S:
         yield f"the trajectory has a gap of {longest_s:.1f} s"
-    n_outside = int(((t_s < drive.t_s[0]) | (t_s > drive.t_s[-1])).sum())
+    n_outside = sum(counts.outside for counts in (readings or {}).values())
     if n_outside:
-        yield f"{n_outside} of {len(t_s)} readings are outside the trajectory's time"
+        yield (
+            f"{n_outside} of {len(scene.ranges)} readings are outside the trajectory's time, or in "
+            "its gaps"
+        )
     if drive.up_m is None or scene.anchor_up_m is None or np.isnan(scene.anchor_up_m).any():
         yield "not all heights are known: ranges are treated as horizontal where one is missing"
     if scene.frame is None:

@@ -109,7 +109,7 @@ def align(scene: Scene, config: AlignmentConfig = AlignmentConfig()) -> Episode:
         frame=scene.frame,
         clock=clock,
         truth=_truth(scene, steps, clock),
-        notes=tuple(log_notes(scene)),
+        notes=tuple(log_notes(scene, counts)),
         problems=(
             *log_problems(scene, clock.applied_s, max_gap_s=config.max_pose_gap_s),
             *spike_problems(counts),
@@ -159,16 +159,16 @@ class _Steps:
 
 def _known_steps(scene: Scene, config: AlignmentConfig) -> _Steps:
     """Return the steps of the timeline whose pose is known."""
-    t_s = _timeline(scene)
+    t_s = _timeline(scene, config.max_pose_gap_s)
     pose = pose_at(scene.trajectory, t_s, config.max_pose_gap_s)
     known = pose.known
     return _Steps(t_s[known], pose.position_m[known], pose.up_m[known], anchor_heights(scene))
 
 
-def _timeline(scene: Scene) -> Float64[Array, "T"]:
+def _timeline(scene: Scene, max_pose_gap_s: float) -> Float64[Array, "T"]:
     """Return the trajectory's times, thinned or subdivided to about the rate of the ranges.
 
-    The anchor read most often gives the rate.
+    The anchor read most often gives the rate. Where the pose is unknown there are no steps.
     """
     t_s, log = scene.trajectory.t_s, scene.ranges
     own_s = log.t_s[log.anchor == np.argmax(np.bincount(log.anchor))]
@@ -176,7 +176,7 @@ def _timeline(scene: Scene) -> Float64[Array, "T"]:
     if np.isnan(between_s):
         return t_s
     between_s = max(between_s, _SHORTEST_S)
-    return _subdivided(_thinned(t_s, between_s), between_s)
+    return _subdivided(_thinned(t_s, between_s), between_s, max_pose_gap_s)
 
 
 def _thinned(t_s: Float64[Array, "T"], between_s: float) -> Float64[Array, "K"]:
@@ -194,10 +194,13 @@ def _thinned(t_s: Float64[Array, "T"], between_s: float) -> Float64[Array, "K"]:
     return t_s[kept]
 
 
-def _subdivided(t_s: Float64[Array, "K"], between_s: float) -> Float64[Array, "T"]:
+def _subdivided(
+    t_s: Float64[Array, "K"], between_s: float, longest_s: float
+) -> Float64[Array, "T"]:
     """Subdivide steps of at least twice ``between_s``, where those around them are as long.
 
-    A single long step is a gap, which no step of the timeline needs to be in.
+    A single long step is a gap, which no step of the timeline needs to be in; so is one of more
+    than ``longest_s``.
     """
     step_s = np.diff(t_s)
     if not step_s.size:
@@ -205,6 +208,7 @@ def _subdivided(t_s: Float64[Array, "K"], between_s: float) -> Float64[Array, "T
     window = np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1)
     near = np.clip(np.arange(len(step_s))[:, None] + window, 0, len(step_s) - 1)
     slow = np.median(step_s[near], axis=1) >= (2.0 - _NEAR) * between_s
+    slow &= step_s <= longest_s + ROUNDING_S
     parts = np.where(slow, np.maximum(np.floor(step_s / between_s + _NEAR), 1.0), 1.0)
     index = np.repeat(np.arange(len(step_s)), parts.astype(np.int64))
     part = np.arange(len(index)) - np.searchsorted(index, index)
