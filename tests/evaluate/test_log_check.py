@@ -216,6 +216,7 @@ def test_notes_what_is_unknown() -> None:
     assert check_scene(replace(scene, notes=("ranges.csv: sorted",))).notes == (
         "ranges.csv: sorted",
         "the trajectory has a gap of 12.6 s",
+        "378 of 1785 readings are outside the trajectory's time, or in its gaps",
         "not all heights are known: ranges are treated as horizontal where one is missing",
         "no geographic reference: results are in local metres, and no feed can be written",
         "no surveyed cones: nothing to score against",
