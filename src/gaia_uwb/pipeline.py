@@ -173,7 +173,7 @@ def reconstruct_passes(
     facts = KnownFacts.of(config.prior, first[0])
     decision = decide_sides(ids, fused.hypotheses, config.sides, config.solver, facts)
     with_all = [episode for episode, _ in (first, *more)]
-    anchors = _counted(mark_moved(decision.anchors, fused), with_all, config)
+    anchors = counted_in_readings(mark_moved(decision.anchors, fused), with_all, config)
     boundary = make_boundary(np.stack([anchor.position_m for anchor in anchors]))
     reasons = (
         *_pass_reasons(passes, denoiser, config),
@@ -214,7 +214,7 @@ def reconstruct_episodes(
     decisions = _decide(blind, denoiser, denoised, config, true_nlos)
     results = []
     for episode, ranges, decision in zip(blind, denoised, decisions, strict=True):
-        anchors = _counted(decision.anchors, [episode], config)
+        anchors = counted_in_readings(decision.anchors, [episode], config)
         boundary = make_boundary(np.stack([anchor.position_m for anchor in anchors]))
         reasons = (
             *log_reasons(episode, config),
@@ -296,10 +296,20 @@ def _decide(
     return [decisions[k] for k in range(len(episodes))]
 
 
-def _counted(
+def counted_in_readings(
     anchors: Sequence[AnchorFix], passes: Sequence[Episode], config: PipelineConfig
 ) -> tuple[AnchorFix, ...]:
-    """Return fixes that count readings, not the steps that are interpolated between them."""
+    """Return fixes that count readings, not the steps that are interpolated between them.
+
+    Parameters
+    ----------
+    anchors
+        One fix per anchor; their ``n_ranges`` are steps of all passes.
+    passes
+        The passes that they are from, all with these anchors.
+    config
+        ``solver.min_ranges`` is used.
+    """
     n_steps = np.sum([np.count_nonzero(episode.valid, axis=0) for episode in passes], axis=0)
     n_readings = np.sum([episode.n_readings for episode in passes], axis=0)
     counted = []

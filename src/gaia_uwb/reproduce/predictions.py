@@ -26,7 +26,7 @@ from gaia_uwb.denoisers import denoiser_identity, make_denoiser
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.locate import locate
-from gaia_uwb.pipeline import reconstruct_episodes
+from gaia_uwb.pipeline import counted_in_readings, reconstruct_episodes
 from gaia_uwb.reproduce.digests import code_digest, digest_of, episodes_digest
 from gaia_uwb.zone import resolve_sides
 
@@ -251,10 +251,11 @@ def _in_pieces(
     blind = [episode.without_truth() for episode in episodes]
     config, denoised = solver.config, denoise(blind, pieces)
     places = locate(blind, denoised, config.solver, nlos=_labels(episodes, solver))
-    return [
-        (ranges, resolve_sides(episode.anchor_ids, own, config.sides, config.solver))
-        for episode, ranges, own in zip(blind, denoised, places, strict=True)
-    ]
+    found = []
+    for episode, ranges, own in zip(blind, denoised, places, strict=True):
+        fixes = resolve_sides(episode.anchor_ids, own, config.sides, config.solver)
+        found.append((ranges, counted_in_readings(fixes, [episode], config)))
+    return found
 
 
 def _labels(episodes: Sequence[Episode], solver: Solver) -> list[Bool[Array, "_ _"]] | None:
