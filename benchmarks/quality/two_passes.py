@@ -14,28 +14,17 @@ import numpy as np
 
 from _tally import Tally
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.denoisers import make_denoiser
-from gaia_uwb.locate import Hypotheses, LocatedPass, fuse, locate
+from gaia_uwb.locate import Hypotheses, find_places, fuse
 from gaia_uwb.pipeline import prepare
-from gaia_uwb.scene import Scene
 from gaia_uwb.simulate import PRESETS, simulate_zone
 
-CONFIG = PipelineConfig(denoiser="raw")  # measured ranges are what passes are fused from by default
-
-
-def located(scene: Scene) -> LocatedPass:
-    """Prepare and locate one pass."""
-    episode = prepare(scene.without_truth(), CONFIG)
-    (ranges,) = make_denoiser(CONFIG.denoiser)([episode])
-    (hypotheses,) = locate([episode], [ranges], CONFIG.solver)
-    return LocatedPass(episode, ranges, hypotheses)
+CONFIG = PipelineConfig()
 
 
 def add(tally: Tally, found: Hypotheses, true_m: np.ndarray) -> None:
     """Count one zone's anchors that both have places."""
-    covariance_m2 = found.covariance_m2 * found.factor()[:, None]
     for n in np.flatnonzero(np.isfinite(found.position_m).all(axis=(1, 2))):
-        tally.add(found.position_m[n], covariance_m2[n], true_m[n])
+        tally.add(found.position_m[n], found.covariance_m2[n], true_m[n])
 
 
 def row(tally: Tally) -> str:
@@ -57,11 +46,11 @@ def main() -> None:
         one, two, moved = Tally(), Tally(), 0
         for seed in range(arguments.zones):
             scenes = simulate_zone(PRESETS[preset], seed)
-            passes = [located(scene) for scene in scenes]
-            fused = fuse(passes, CONFIG)
+            passes = [prepare(scene.without_truth(), CONFIG) for scene in scenes]
+            alone, fused = find_places([passes[:1]], CONFIG)[0], fuse(passes, CONFIG)
             truth = scenes[0].truth
             if truth is not None:
-                add(one, passes[0].hypotheses, truth.anchor_m)
+                add(one, alone.hypotheses, truth.anchor_m)
                 add(two, fused.hypotheses, truth.anchor_m)
             moved += len(fused.disagreements)
         print(f"{preset}: one pass  {row(one)}")

@@ -4,9 +4,9 @@ Beside SciPy, whose costs are compared, too: it gets plain squares, MINPACK's Le
 and one start that knows the true side, beside the middle of the path, as far as the shortest range.
 Ours starts from nothing, refines both mirror hypotheses and sums up their covariances.
 
-As it grows: time, linear in anchors and steps, and memory. Each case runs in a process of its own:
-an episode made directly, ranges with sigmas as the ``raw`` denoiser gives them, then ``calibrate``
-and ``locate``.
+As it grows: time and memory. Both are linear in anchors; of one anchor's readings in one drive
+``find_places`` takes a fixed number at most. Each case runs in a process of its own: an episode
+made directly, then ``calibrate`` and ``find_places``.
 
     python benchmarks/speed/solver.py [--part scipy] [--part growth]
 """
@@ -29,9 +29,8 @@ import numpy as np
 
 from _measure import make_parser, per_second, run_parts
 from gaia_uwb.alignment import calibrate
-from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.episode import Episode
-from gaia_uwb.locate import locate
+from gaia_uwb.locate import find_places
 from gaia_uwb.solver import SolverOptions, solve
 
 STEPS = 64
@@ -148,8 +147,7 @@ def run_case(anchors: int, steps: int) -> dict[str, float]:
     start = time.perf_counter()
     episode = calibrate(episode)
     calibrated = time.perf_counter()
-    sigma_m = np.full(episode.range_m.shape, SIGMA_M)
-    locate([episode], [DenoisedRanges(episode.range_m, sigma_m, episode.valid)])
+    find_places([[episode]])
     located = time.perf_counter()
     peak_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return {

@@ -59,6 +59,9 @@ class AlignmentConfig(Settings):
     """Largest clock offset that is searched, in either direction."""
     clock_offset_sigma_s: float = Field(default=0.5, gt=0, le=60)
     """Prior standard deviation of the clock offset, about 0."""
+    drive_offset_sigma_s: float = Field(default=0.005, ge=0, le=60)
+    """Standard deviation between the clock offsets of several drives past one zone: little, if one
+    vehicle drove them all; as much as ``clock_offset_sigma_s`` for vehicles of different makes."""
     error_correlation_s: float = Field(default=8.0, gt=0, le=600)
     """Errors of ranges further apart than this are treated as independent."""
     gate: bool = True
@@ -86,7 +89,7 @@ class CalibrationConfig(Settings):
 
 
 class SolverConfig(Settings):
-    """How anchors are located from their ranges (``hypotheses.py``)."""
+    """How anchors are located from their ranges (``zone_places.py``)."""
 
     kind: Literal["robust", "wls"] = "robust"
     """``robust``: GAIA's own solver, without labels. ``wls``: the paper's weighted least
@@ -94,12 +97,14 @@ class SolverConfig(Settings):
     min_ranges: int = Field(default=4, ge=3, le=1_000_000)
     """An anchor with fewer usable ranges is not located."""
     student_t_dof: float = Field(default=4.0, ge=1.0, le=100.0)
-    """Degrees of freedom of the Student-t distribution that models the errors' tails."""
+    """Calibration only: degrees of freedom of the Student-t distribution that models the errors'
+    tails. The robust solver estimates how many readings are outliers."""
     error_correlation_s: float = Field(default=8.0, gt=0, le=600)
-    """Errors of ranges further apart than this are treated as independent."""
+    """Calibration and ``wls`` only: errors of ranges further apart than this are treated as
+    independent. The robust solver models slow errors by place, not by time."""
     anchor_bias_sigma_m: float = Field(default=0.05, ge=0, le=10)
-    """Prior standard deviation of an anchor's own range bias, in addition to the shared one
-    (antenna delay)."""
+    """Calibration only: prior standard deviation of an anchor's own range bias, in addition to the
+    shared one (antenna delay). The robust solver estimates it."""
     position_floor_m: float = Field(default=0.025, ge=0, le=10)
     """Standard deviation that no number of ranges reduces (antenna phase centres, survey)."""
     ill_conditioned_above_m: float = Field(default=2.0, gt=0, le=1e6)

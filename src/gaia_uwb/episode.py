@@ -26,7 +26,9 @@ from gaia_uwb._shared import (
     freeze,
 )
 from gaia_uwb.estimate import Reason
-from gaia_uwb.scene import LocalFrame
+from gaia_uwb.scene import LocalFrame, Trajectory
+
+_END_S = 0.5  # of a path's end, from which it is continued
 
 
 @dataclass(frozen=True)
@@ -168,6 +170,137 @@ class ReadingCounts:
 
 
 @dataclass(frozen=True)
+class ErrorSizes:
+    """How large the errors of a log's ranges are, by kind (``locate/zone_fit.py``).
+
+    Parameters
+    ----------
+    noise_m
+        Scale of the white noise, in metres.
+    outlier_share
+        Share of the readings that have no line of sight.
+    field_m : (L,)
+        Standard deviations of the slow errors of each length, in metres.
+    delay_m, pattern_m
+        Standard deviations of the cones' own delays and of their antennas'
+        patterns, in metres.
+    """
+
+    noise_m: float
+    outlier_share: float
+    field_m: Float64[Array, "L"]
+    delay_m: float
+    pattern_m: float
+
+
+@dataclass(frozen=True)
+class DriveErrors:
+    """What the readings of a whole run say of the errors that all of its cones share.
+
+    Parameters
+    ----------
+    mean : (8,)
+        Range bias at 10 m and its growth per factor of ten, clock offset that is left, bias of the
+        tag, and the cosines and sines of two harmonics of its pattern; in metres and seconds.
+    covariance : (8, 8)
+        Covariance of these.
+    sizes
+        How large the errors are that each cone has by itself.
+    """
+
+    mean: Float64[Array, "8"]
+    covariance: Float64[Array, "8 8"]
+    sizes: ErrorSizes
+
+
+@dataclass(frozen=True)
+class RangeReadings:
+    """The readings of one drive at their own times, and the path.
+
+    Parameters
+    ----------
+    t_s : (R,)
+        Time of each reading in the trajectory's clock, as far as the clock offset is known.
+    anchor : (R,)
+        Index of the anchor.
+    range_m : (R,)
+        Measured slant range, in metres.
+    trajectory
+        The path of the tag's antenna.
+
+    Raises
+    ------
+    InputError
+        If shapes disagree or a number is not finite.
+    """
+
+    t_s: Float64[Array, "R"]
+    anchor: Int64[Array, "R"]
+    range_m: Float64[Array, "R"]
+    trajectory: Trajectory
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.t_s)
+        for name in ("t_s", "range_m"):
+            check_shape(name, freeze(self, name, getattr(self, name), np.float64), shape)
+            check_finite(name, getattr(self, name))
+        check_shape("anchor", freeze(self, "anchor", self.anchor, np.int64), shape)
+
+    def position_at(self, t_s: Float64[Array, "r"]) -> Float64[Array, "r 2"]:
+        """Return where the tag was, in metres; beyond the path's ends, where it would have been.
+
+        Parameters
+        ----------
+        t_s : (r,)
+            Times in the trajectory's clock.
+        """
+        path = self.trajectory
+        position_m = np.stack([np.interp(t_s, path.t_s, x) for x in path.position_m.T], axis=1)
+        for end, inner in ((0, _inside(path.t_s, 0)), (-1, _inside(path.t_s, -1))):
+            beyond_s = t_s - path.t_s[end]
+            beyond = beyond_s < 0.0 if end == 0 else beyond_s > 0.0
+            step_m = path.position_m[inner] - path.position_m[end]
+            velocity_mps = step_m / (path.t_s[inner] - path.t_s[end])
+            position_m[beyond] += beyond_s[beyond, None] * velocity_mps
+        return position_m
+
+    def between(self, start_s: float, stop_s: float) -> RangeReadings:
+        """Return the readings from ``start_s`` to ``stop_s``, both included.
+
+        Parameters
+        ----------
+        start_s, stop_s
+            Times in the trajectory's clock.
+        """
+        return self._only((self.t_s >= start_s) & (self.t_s <= stop_s))
+
+    def without(self, anchors: Bool[Array, "N"]) -> RangeReadings:
+        """Return the readings of the other anchors.
+
+        Parameters
+        ----------
+        anchors : (N,)
+            Which anchors to leave out.
+        """
+        return self._only(~anchors[self.anchor])
+
+    def _only(self, own: Bool[Array, "R"]) -> RangeReadings:
+        return replace(
+            self,
+            t_s=self.t_s[own],
+            anchor=self.anchor[own],
+            range_m=self.range_m[own],
+        )
+
+
+def _inside(t_s: Float64[Array, "T"], end: int) -> int:
+    """Return the index of the sample half a second from an end of a path, or the one next to it."""
+    if end == 0:
+        return min(max(int(np.searchsorted(t_s, t_s[0] + _END_S)), 1), len(t_s) - 1)
+    return max(min(int(np.searchsorted(t_s, t_s[-1] - _END_S, side="right")) - 1, len(t_s) - 2), 0)
+
+
+@dataclass(frozen=True)
 class EpisodeTruth:
     """The truth on an episode's timeline; scores read it, reconstructions never do.
 
@@ -267,6 +400,16 @@ class Episode:
     readings
         What became of the readings of the whole log, by anchor id, also in a window of it; empty
         where there was no log, so that every range is a reading.
+    own_times
+        The readings at their own times, from which anchors are located; without them each valid
+        range of the timeline counts as one.
+    errors
+        What a whole run says of the errors that its anchors share.
+    run_errors
+        The same of the run from which a window was cut.
+    least_noise_m
+        White noise that the ranges have at least, in metres; more than they seem to have where a
+        denoiser smoothed them.
 
     Raises
     ------
@@ -290,6 +433,10 @@ class Episode:
     notes: tuple[str, ...] = ()
     problems: tuple[Reason, ...] = ()
     readings: Mapping[str, ReadingCounts] = field(default_factory=dict, repr=False)
+    own_times: RangeReadings | None = field(default=None, repr=False)
+    errors: DriveErrors | None = field(default=None, repr=False)
+    run_errors: DriveErrors | None = field(default=None, repr=False)
+    least_noise_m: float = 0.0
 
     def __post_init__(self) -> None:
         where = self.name
@@ -397,7 +544,19 @@ class Episode:
             valid=self.valid[cut],
             tag_up_m=None if self.tag_up_m is None else self.tag_up_m[cut],
             truth=None if self.truth is None else self.truth.window(cut),
+            own_times=None if self.own_times is None else self._readings_of(cut),
+            errors=None,
+            run_errors=self.run_errors if self.errors is None else self.errors,
         )
+
+    def _readings_of(self, cut: slice) -> RangeReadings | None:
+        """Return the readings from half a step before the first step to half a step after."""
+        if self.own_times is None:
+            return None
+        own_s = self.t_s[cut]
+        before = self.t_s[max(cut.start - 1, 0)]
+        after = self.t_s[min(cut.stop, self.n_steps - 1)]
+        return self.own_times.between(0.5 * (before + own_s[0]), 0.5 * (after + own_s[-1]))
 
     def windows(self, length: int, stride: int | None = None) -> list[Episode]:
         """Cut the episode into windows of ``length`` steps; an incomplete tail is dropped.

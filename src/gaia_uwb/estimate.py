@@ -23,6 +23,7 @@ class AnchorStatus(StrEnum):
     AMBIGUOUS = "ambiguous"
     ILL_CONDITIONED = "ill-conditioned"
     NOT_CONVERGED = "not-converged"
+    DOES_NOT_FIT = "does-not-fit"
     MOVED = "moved"
     TOO_FEW_RANGES = "too-few-ranges"
 
@@ -47,6 +48,7 @@ _MESSAGES = {
     AnchorStatus.AMBIGUOUS: "side ambiguous: the mirror position fits almost as well",
     AnchorStatus.ILL_CONDITIONED: "position poorly determined in at least one direction",
     AnchorStatus.NOT_CONVERGED: "the solver stopped before converging",
+    AnchorStatus.DOES_NOT_FIT: "the ranges do not fit one position",
     AnchorStatus.MOVED: "position differs between passes; probably moved",
     AnchorStatus.TOO_FEW_RANGES: "too few usable ranges",
 }
@@ -67,6 +69,7 @@ class ReasonKind(StrEnum):
     AMBIGUOUS = "ambiguous"
     ILL_CONDITIONED = "ill-conditioned"
     NOT_CONVERGED = "not-converged"
+    DOES_NOT_FIT = "does-not-fit"
     MOVED = "moved"
     TOO_FEW_RANGES = "too-few-ranges"
     TOO_FEW_CONES = "too-few-cones"

@@ -18,11 +18,11 @@ from dataclasses import replace
 import numpy as np
 
 from gaia_uwb._shared import Array, Bool, ConfigError
-from gaia_uwb.alignment import align, calibrate
+from gaia_uwb.alignment import align, calibrate, log_problems
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers import Denoiser, make_denoiser
-from gaia_uwb.episode import Episode
+from gaia_uwb.episode import DriveErrors, Episode
 from gaia_uwb.estimate import (
     AnchorFix,
     AnchorStatus,
@@ -32,7 +32,9 @@ from gaia_uwb.estimate import (
     ReasonKind,
 )
 from gaia_uwb.locate import (
-    LocatedPass,
+    Hypotheses,
+    ZonePlaces,
+    find_places,
     fuse,
     in_one_frame,
     join_windows,
@@ -40,13 +42,25 @@ from gaia_uwb.locate import (
     mark_moved,
     with_anchor_ranges,
     with_anchors,
+    with_clock,
+    with_run_errors,
 )
 from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from gaia_uwb.scene import Scene
-from gaia_uwb.zone import Decision, KnownFacts, decide_sides, decide_zone, make_boundary, widened
+from gaia_uwb.zone import (
+    Decision,
+    KnownFacts,
+    decide_sides,
+    decide_zone,
+    dispose,
+    make_boundary,
+    widened,
+)
 
 _MISFIT_M = 1.0  # ranges of a working radio on a known path err by less
 _BIAS_SIGMA = 4.0  # no radio has a range bias this many prior standard deviations from 0
+_MOST_PATTERN_M = 0.15  # nor does a tag err by more with the direction from the vehicle
+_CAUSES = (ReasonKind.MISFIT, ReasonKind.CLOCK, ReasonKind.RANGE_BIAS)  # of what fits no place
 
 
 def prepare(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Episode:
@@ -64,10 +78,28 @@ def prepare(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Episode:
     InputError
         If the clocks do not overlap or no range is usable.
     """
-    episode = _without_hardly_heard(align(scene, config.alignment), config)
+    return _prepare(scene, config, alone=True)
+
+
+def _prepare(scene: Scene, config: PipelineConfig, *, alone: bool) -> Episode:
+    """Prepare a log; where it is not ``alone``, its errors are found with those of the others."""
+    episode = _without_hardly_heard(align(scene, config.alignment), config, alone=alone)
+    places = find_places([[episode]], config)[0]
+    found = with_run_errors(episode, places, config.alignment)
+    if _applied_s(found) != _applied_s(episode):
+        again = align(scene, config.alignment, clock=found.clock)
+        again = _without_hardly_heard(again, config, alone=alone)
+        found = replace(again, errors=found.errors)
     if config.calibration.range_bias == "auto":
-        episode = calibrate(episode, config.calibration, config.solver)
-    return episode
+        found = calibrate(found, config.calibration, config.solver)
+    offset_s = _applied_s(found)
+    gap_s = config.alignment.max_pose_gap_s
+    problems = log_problems(scene, offset_s, max_gap_s=gap_s, unexplained=places.unexplained())
+    return replace(found, problems=(*problems, *found.problems))
+
+
+def _applied_s(episode: Episode) -> float:
+    return 0.0 if episode.clock is None else episode.clock.applied_s
 
 
 def hardly_heard(episode: Episode, config: PipelineConfig = PipelineConfig()) -> Bool[Array, "N"]:
@@ -84,13 +116,20 @@ def hardly_heard(episode: Episode, config: PipelineConfig = PipelineConfig()) ->
     return np.asarray(np.minimum(episode.n_readings, n_valid) < config.solver.min_ranges)
 
 
-def _without_hardly_heard(episode: Episode, config: PipelineConfig) -> Episode:
-    """Take the ranges of anchors that cannot be located for what they are: none."""
+def _without_hardly_heard(episode: Episode, config: PipelineConfig, *, alone: bool) -> Episode:
+    """Take the ranges of anchors that cannot be located for what they are: none.
+
+    Readings that are too few in one pass may be enough with those of others.
+    """
     few = hardly_heard(episode, config)
     if not few.any():
         return episode
     valid = episode.valid & ~few
-    return replace(episode, valid=valid, range_m=np.where(valid, episode.range_m, np.nan))
+    heard = episode.own_times
+    if alone and heard is not None:
+        heard = heard.without(few)
+    range_m = np.where(valid, episode.range_m, np.nan)
+    return replace(episode, valid=valid, range_m=range_m, own_times=heard)
 
 
 def reconstruct(
@@ -131,7 +170,10 @@ def reconstruct(
     True
     """
     scenes = [scene] if isinstance(scene, Scene) else in_one_frame(scene)
-    return reconstruct_passes([prepare(each.without_truth(), config) for each in scenes], config)
+    blind = [each.without_truth() for each in scenes]
+    return reconstruct_passes(
+        [_prepare(each, config, alone=len(blind) == 1) for each in blind], config
+    )
 
 
 def reconstruct_passes(
@@ -162,10 +204,12 @@ def reconstruct_passes(
         return reconstruct_episodes(passes, config)[0]
     denoiser = make_denoiser(config.denoiser)
     denoised = _denoise(denoiser, passes, config.denoiser)
-    evidence = _evidence(denoiser, passes, denoised, config)
-    hypotheses = locate(passes, evidence, config.solver)
-    fused = fuse(list(map(LocatedPass, passes, evidence, hypotheses)), config)
-    ids = fused.anchor_ids
+    fused = fuse(_evidence(denoiser, passes, denoised), config)
+    ids = fused.places.anchor_ids
+    passes = [
+        _as_fused(episode, errors, fused.places, config)
+        for episode, errors in zip(passes, fused.places.errors, strict=True)
+    ]
     first, *more = [
         (with_anchors(episode, ids), with_anchor_ranges(ranges, episode, ids))
         for episode, ranges in zip(passes, denoised, strict=True)
@@ -190,6 +234,7 @@ def reconstruct_episodes(
     episodes: Sequence[Episode],
     config: PipelineConfig = PipelineConfig(),
     *,
+    denoiser: Denoiser | None = None,
     true_nlos: Sequence[Bool[Array, "_ _"]] | None = None,
 ) -> list[Reconstruction]:
     """Reconstruct prepared episodes, batched; each result is what the episode alone would give.
@@ -200,6 +245,8 @@ def reconstruct_episodes(
         Whole runs or windows of them; their truth is not used.
     config
         ``denoiser``, ``solver``, ``sides`` and ``prior`` are used.
+    denoiser
+        By default the one that ``config`` names.
     true_nlos
         True NLOS labels, for the paper's labelled setting of the ``wls`` solver only.
 
@@ -209,7 +256,7 @@ def reconstruct_episodes(
         If the denoiser's name is unknown.
     """
     blind = [episode.without_truth() for episode in episodes]
-    denoiser = make_denoiser(config.denoiser)
+    denoiser = make_denoiser(config.denoiser) if denoiser is None else denoiser
     denoised = _denoise(denoiser, blind, config.denoiser)
     decisions = _decide(blind, denoiser, denoised, config, true_nlos)
     results = []
@@ -228,6 +275,22 @@ def reconstruct_episodes(
             Reconstruction(episode, ranges, anchors, boundary, status, reasons, config, possible)
         )
     return results
+
+
+def _as_fused(
+    episode: Episode, errors: DriveErrors, places: ZonePlaces, config: PipelineConfig
+) -> Episode:
+    """Return a pass with what all passes together say of its clock, its errors and its problems."""
+    unexplained = set(places.unexplained())
+    most = len(unexplained) > 0.5 * len(places.anchor_ids)
+    problems = tuple(
+        problem
+        for problem in episode.problems
+        if problem.kind not in _CAUSES
+        or (most if not problem.cones else unexplained & {*problem.cones})
+    )
+    known = with_clock(episode, errors, config.alignment)
+    return replace(known, errors=errors, problems=problems)
 
 
 def _denoise(
@@ -252,15 +315,35 @@ def _pass_reasons(
 
 
 def _evidence(
-    denoiser: Denoiser,
-    episodes: Sequence[Episode],
-    denoised: Sequence[DenoisedRanges],
-    config: PipelineConfig,
-) -> Sequence[DenoisedRanges]:
-    """Return the ranges that the solver uses; the paper's solver takes what it is given."""
-    if denoiser.locates and config.solver.kind == "robust":
-        return make_denoiser("raw")(episodes)
-    return denoised
+    denoiser: Denoiser, episodes: Sequence[Episode], denoised: Sequence[DenoisedRanges]
+) -> list[Episode]:
+    """Return the episodes with the ranges that anchors are located from.
+
+    That is what was measured, where a denoiser has used the path: its ranges agree with a place
+    that it has in mind. Other denoisers' ranges are used, with noise as large as what they removed:
+    they err alike from step to step.
+    """
+    if denoiser.keeps_ranges or denoiser.uses_pose:
+        return list(episodes)
+    return [
+        replace(
+            episode,
+            range_m=ranges.range_m,
+            valid=ranges.valid,
+            own_times=None,
+            least_noise_m=_removed_m(episode, ranges),
+        )
+        for episode, ranges in zip(episodes, denoised, strict=True)
+    ]
+
+
+def _removed_m(episode: Episode, ranges: DenoisedRanges) -> float:
+    """Return the standard deviation of what a denoiser took away."""
+    both = episode.valid & ranges.valid
+    if not both.any():
+        return 0.0
+    removed_m = np.abs(episode.range_m[both] - ranges.range_m[both])
+    return float(1.4826 * np.median(removed_m))
 
 
 def _decide(
@@ -270,41 +353,63 @@ def _decide(
     config: PipelineConfig,
     true_nlos: Sequence[Bool[Array, "_ _"]] | None,
 ) -> list[Decision]:
-    """Decide the sides: by what the denoiser knows of work zones, or by the ranges and a prior.
+    """Decide where every anchor stands: by the ranges, and what is known of work zones.
 
-    The paper's solver and sides that are decided one by one are asked for to see what they give:
-    then the denoiser has no say.
+    Sides that are decided one by one are asked for to see what they give: then what the denoiser
+    knows of zones has no say.
     """
-    ours = config.solver.kind == "robust" and config.sides.joint
-    decisions: dict[int, Decision] = {}
-    for k, (episode, ranges) in enumerate(zip(episodes, denoised, strict=True)):
-        if ranges.zone is not None and ours:
-            facts = KnownFacts.of(config.prior, episode)
-            n_ranges = np.count_nonzero(ranges.valid, axis=0)
-            zone = widened(ranges.zone, episode, config.solver)
-            decisions[k] = decide_zone(
-                episode.anchor_ids, zone, n_ranges, config.sides, config.solver, facts
-            )
-    rest = [k for k in range(len(episodes)) if k not in decisions]
-    labels = None if true_nlos is None else [true_nlos[k] for k in rest]
-    own = [episodes[k] for k in rest]
-    evidence = _evidence(denoiser, own, [denoised[k] for k in rest], config)
-    found = locate(own, evidence, config.solver, nlos=labels)
-    for k, episode, places in zip(rest, own, found, strict=True):
+    decisions = []
+    found = _found(episodes, denoiser, denoised, config, true_nlos)
+    for k, (episode, (places, rough)) in enumerate(zip(episodes, found, strict=True)):
+        zone = denoised[k].zone
         facts = KnownFacts.of(config.prior, episode)
-        decisions[k] = decide_sides(episode.anchor_ids, places, config.sides, config.solver, facts)
-    return [decisions[k] for k in range(len(episodes))]
+        settings = (config.sides, config.solver, facts)
+        if zone is None or config.solver.kind != "robust" or not config.sides.joint:
+            decisions.append(decide_sides(episode.anchor_ids, places, *settings))
+            continue
+        zone = widened(zone, episode, config.solver) if rough else dispose(zone, places).zone
+        by_ranges = None if rough else places
+        decisions.append(
+            decide_zone(episode.anchor_ids, zone, places.n_ranges, *settings, by_ranges)
+        )
+    return decisions
+
+
+def _found(
+    episodes: Sequence[Episode],
+    denoiser: Denoiser,
+    denoised: Sequence[DenoisedRanges],
+    config: PipelineConfig,
+    true_nlos: Sequence[Bool[Array, "_ _"]] | None,
+) -> list[tuple[Hypotheses, bool]]:
+    """Return both places of every anchor of every episode, by its ranges.
+
+    With them comes whether a scene without a log behind it has rougher errors than the estimator's
+    model: so short a time does not tell how large they are, and a network that was trained on such
+    scenes knows better.
+    """
+    if true_nlos is not None and config.solver.kind == "robust":
+        raise ValueError("the robust solver takes no NLOS labels")
+    if config.solver.kind == "wls":
+        places = locate(episodes, denoised, config.solver, nlos=true_nlos)
+        return [(each, False) for each in places]
+    evidence = _evidence(denoiser, episodes, denoised)
+    found = find_places([[e] for e in evidence], config)
+    return [
+        (each.hypotheses, each.rough and episode.clock is None)
+        for episode, each in zip(episodes, found, strict=True)
+    ]
 
 
 def counted_in_readings(
     anchors: Sequence[AnchorFix], passes: Sequence[Episode], config: PipelineConfig
 ) -> tuple[AnchorFix, ...]:
-    """Return fixes that count readings, not the steps that are interpolated between them.
+    """Return fixes that count the readings that were kept, not the steps between them.
 
     Parameters
     ----------
     anchors
-        One fix per anchor; their ``n_ranges`` are steps of all passes.
+        One fix per anchor.
     passes
         The passes that they are from, all with these anchors.
     config
@@ -314,9 +419,8 @@ def counted_in_readings(
     n_readings = np.sum([episode.n_readings for episode in passes], axis=0)
     counted = []
     for fix, steps, readings in zip(anchors, n_steps, n_readings, strict=True):
-        if steps:
-            n_ranges = min(round(fix.n_ranges * readings / steps), int(readings))
-        else:
+        n_ranges = int(readings)
+        if not steps:
             few = [episode.readings.get(fix.anchor_id) for episode in passes]
             least = config.solver.min_ranges
             n_ranges = sum(counts.kept for counts in few if counts and counts.kept < least)
@@ -358,16 +462,25 @@ def log_reasons(episode: Episode, config: PipelineConfig = PipelineConfig()) -> 
             "check units, clocks, heights and ids"
         )
         yield Reason(ReasonKind.MISFIT, text, numbers={"half_beyond_m": half_m})
-    prior_m = np.array([config.calibration.bias_sigma_m, config.calibration.bias_slope_sigma_m])
-    if float(np.hypot(*(found.bias / np.maximum(prior_m, 1e-9)))) > _BIAS_SIGMA:
-        bias_m, growth_m = found.bias.tolist()
+    errors = episode.errors
+    if errors is None or not episode.valid.any():
+        return
+    decades = np.log10(float(np.nanmedian(episode.range_m)) / 10.0)
+    bias_m = float(errors.mean[0] + errors.mean[1] * decades + errors.mean[3])
+    prior_m = config.calibration.bias_sigma_m
+    if abs(bias_m) > _BIAS_SIGMA * max(prior_m, 1e-9):
         text = (
-            f"range bias of {bias_m:+.2f} m at 10 m and {growth_m:+.2f} m more for ten times the "
-            f"distance, implausible for UWB radios (about ±{prior_m[0]:g} m and "
-            f"±{prior_m[1]:g} m): check the unit and the zero offset of the ranges"
+            f"range bias of {bias_m:+.2f} m, implausible for UWB radios (about ±{prior_m:g} m): "
+            "check the unit and the zero offset of the ranges"
         )
-        numbers = {"bias_m": bias_m, "growth_m": growth_m}
-        yield Reason(ReasonKind.RANGE_BIAS, text, numbers=numbers)
+        yield Reason(ReasonKind.RANGE_BIAS, text, numbers={"bias_m": bias_m})
+    pattern_m = float(np.hypot(*errors.mean[4:6]))
+    if pattern_m > _MOST_PATTERN_M:
+        text = (
+            f"the ranges fit the path only if they err by {pattern_m:.2f} m with the direction "
+            "from the vehicle: is the path that of the tag's antenna, and was its fix never lost?"
+        )
+        yield Reason(ReasonKind.MISFIT, text, numbers={"pattern_m": pattern_m})
 
 
 def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> Iterator[Reason]:

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gaia_uwb.alignment import align
 from gaia_uwb.alignment.contradictions import contradicted_anchors, contradicting
 from gaia_uwb.estimate import ReasonKind
+from gaia_uwb.pipeline import prepare
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
 from gaia_uwb.simulate import PRESETS, simulate_pass
 
@@ -113,7 +113,7 @@ def test_the_clock_offset_is_taken_into_account() -> None:
 
 def test_notes_and_problems_of_a_log_stay_with_its_episode() -> None:
     scene = heard_from((20.0, 9.0), (40.0, 10.0), (60.0, -9.0))
-    episode = align(replace(scene, notes=("a", "b"), problems=("time stood still",)))
+    episode = prepare(replace(scene, notes=("a", "b"), problems=("time stood still",)))
     assert episode.notes[:2] == ("a", "b")
     assert [str(problem) for problem in episode.problems] == ["time stood still"]
     assert episode.window(0, 50).problems == episode.problems

@@ -179,6 +179,13 @@ def test_not_settled() -> None:
     assert "cone-0 did not reach a stable position" in found[ReasonKind.NOT_CONVERGED].text
 
 
+def test_ranges_that_fit_no_position() -> None:
+    found = limits_of_fix(status=AnchorStatus.DOES_NOT_FIT)
+    limit = found[ReasonKind.DOES_NOT_FIT]
+    assert limit.text == "The ranges to cone-0 do not fit one position."
+    assert Advice.CHECK_LOG in limit.advice
+
+
 def test_lost_cones_say_how_many_ranges_were_missing() -> None:
     found = limits_of(make_reconstruction(changed={1: make_unlocated("cone-1")}))
     text = found[ReasonKind.TOO_FEW_RANGES].text

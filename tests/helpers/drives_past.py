@@ -7,19 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from gaia_uwb.config import PipelineConfig, SolverConfig
-from gaia_uwb.denoisers.registry import make_denoiser
 from gaia_uwb.episode import ClockOffset, Episode, RangeCalibration
-from gaia_uwb.locate.hypotheses import locate
-from gaia_uwb.locate.joint_fit import LocatedPass
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
 
 CONES_M = np.array([[-12.0, 6.0], [-5.0, -5.0], [3.0, 7.0], [9.0, 8.5], [15.0, -4.0]])
 IDS = ("a", "b", "c", "d", "e")
-PURE = PipelineConfig(
-    denoiser="raw",
-    solver=SolverConfig(position_floor_m=0.0, anchor_bias_sigma_m=0.0, error_correlation_s=0.1),
-)
-"""Settings under which white noise is all the error there is."""
+PURE = PipelineConfig(denoiser="raw", solver=SolverConfig(position_floor_m=0.0))
+"""Settings under which places are as sure as the ranges make them."""
 
 
 def make_pass(
@@ -52,13 +46,6 @@ def make_pass(
         name or f"lane {lane_m:g} seed {seed}", ids, t_s, path_m, range_m,
         np.ones(range_m.shape, dtype=bool), clock=clock, calibration=calibration,
     )  # fmt: skip
-
-
-def located(episode, config=PURE):
-    """Return a pass as the fusion takes it."""
-    (ranges,) = make_denoiser(config.denoiser)([episode])
-    (hypotheses,) = locate([episode], [ranges], config.solver)
-    return LocatedPass(episode, ranges, hypotheses)
 
 
 def with_moved_anchor(scene, n, by_m):

@@ -21,5 +21,5 @@ def make_hypotheses(n, seed=0, odds=1.0, sigma_m=0.3):
     return Hypotheses(
         position_m=pair, covariance_m2=np.tile(sigma_m**2 * np.eye(2), (n, 2, 1, 1)),
         log_odds=np.abs(difference), own_bias_m=np.zeros(n),
-        n_ranges=np.full(n, 64), converged=np.ones(n, dtype=bool),
+        n_ranges=np.full(n, 64), converged=np.ones(n, dtype=bool), fits=np.ones(n, dtype=bool),
     ), true_m  # fmt: skip

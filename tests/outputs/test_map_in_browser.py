@@ -69,7 +69,7 @@ def test_doubtful_result_shows_both_places_and_why(
 ) -> None:
     show(chromium, pages["doubtful"])
     assert texts(chromium, "#status") == [
-        "! needs review 3 of 4 cones located, the zone covers 6.0 m²."
+        "! needs review 3 of 4 cones located, the zone as computed covers 6.0 m²."
     ]
     assert texts(chromium, "#reasons li") == [f"anchor {HOSTILE[0]}: the other side fits as well"]
     states = ["side uncertain", "± 0.45 m (90 %)", "poorly determined", "not located"]

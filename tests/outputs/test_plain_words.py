@@ -184,6 +184,13 @@ def test_what_was_said_is_told_as_such() -> None:
     assert wrong["How to improve the result"].strip().startswith(f"1. {Advice.CHECK_STATEMENT}")
 
 
+@pytest.mark.parametrize("status", [s for s in AnchorStatus if s.has_position])
+def test_every_status_has_words(status: AnchorStatus) -> None:
+    changed = {0: make_fix("cone-0", SQUARE_M[0], status=status)}
+    text = people_report(make_reconstruction(changed=changed))
+    assert any(line.startswith("| cone-0 |") for line in text.splitlines())
+
+
 def test_no_region_is_sure() -> None:
     result = reconstruct(simulate_pass(PRESETS["lane-closure"], seed=0))
     known = result.boundary_uncertainty

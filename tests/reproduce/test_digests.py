@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from gaia_uwb.episode import ClockOffset, DriveErrors, ErrorSizes, RangeReadings
 from gaia_uwb.reproduce import digests
 from gaia_uwb.reproduce.digests import code_digest, episodes_digest
+from gaia_uwb.scene import Trajectory
 from tiny_models import make_run
 
 
@@ -84,3 +87,22 @@ def test_every_number_of_an_episode_counts() -> None:
     blind = run.without_truth()
     assert len({episodes_digest([run]), episodes_digest([moved]), episodes_digest([blind])}) == 3
     assert episodes_digest([run]) == episodes_digest([make_run(0)])
+
+
+def test_what_a_run_says_of_its_errors_and_the_readings_own_times_count() -> None:
+    sizes = ErrorSizes(0.1, 0.05, np.full(3, 0.02), 0.03, 0.02)
+    errors = DriveErrors(np.zeros(8), np.eye(8), sizes)
+    path = Trajectory(np.arange(2.0), np.zeros((2, 2)))
+    own = RangeReadings(np.ones(1), np.zeros(1, dtype=int), np.ones(1), trajectory=path)
+    run = replace(
+        make_run(0), run_errors=errors, own_times=own, clock=ClockOffset(0.1, 0.01, True, "")
+    )
+    others = [
+        replace(run, run_errors=replace(errors, sizes=replace(sizes, delay_m=0.04))),
+        replace(run, run_errors=replace(errors, sizes=replace(sizes, field_m=np.full(3, 0.03)))),
+        replace(run, run_errors=replace(errors, mean=np.full(8, 1e-3))),
+        replace(run, own_times=replace(own, t_s=np.full(1, 1.5))),
+        replace(run, own_times=replace(own, trajectory=replace(path, position_m=np.ones((2, 2))))),
+        replace(run, clock=ClockOffset(0.1, 0.02, True, "")),
+    ]
+    assert len({episodes_digest([each]) for each in (run, *others)}) == 7

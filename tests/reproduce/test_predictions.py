@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gaia_uwb._shared.files import OutputFolder
-from gaia_uwb.config import PipelineConfig
+from gaia_uwb.config import AlignmentConfig, PipelineConfig
 from gaia_uwb.pipeline import prepare, reconstruct_episodes
 from gaia_uwb.reproduce import predictions
 from gaia_uwb.reproduce.plan import paper_solver
@@ -42,7 +42,7 @@ def predict(folder: Path, episodes, name: str = "kalman", solvers=ROBUST) -> Pre
 def test_they_are_what_the_pipeline_gives(
     tmp_path: Path, episodes, solvers, labels, in_pieces: bool
 ) -> None:
-    pieces = whole("raw" if in_pieces else "pose-kalman", episodes)
+    pieces = whole("kalman" if in_pieces else "pose-kalman", episodes)
     if in_pieces:  # a second piece that nothing is taken from
         pieces = [[*own, Stretch("median", 0, 64, 64)] for own in pieces]
     found = cached_predictions(OutputFolder(tmp_path), "file", episodes, pieces, solvers)
@@ -64,7 +64,7 @@ def test_a_second_call_reads_the_file(
     tmp_path: Path, episodes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = predict(tmp_path, episodes)
-    monkeypatch.setattr(predictions, "denoise", None)
+    monkeypatch.setattr(predictions, "reconstruct_episodes", None)
     again = predict(tmp_path, episodes)
     assert again.key == first.key
     np.testing.assert_array_equal(again.denoised[0].range_m, first.denoised[0].range_m)
@@ -78,9 +78,11 @@ def test_whatever_has_changed_makes_them_stale(
     keys.append(predict(tmp_path, noisy).key)
     keys.append(predict(tmp_path, episodes, "median").key)
     keys.append(predict(tmp_path, episodes, solvers=WLS).key)
+    unsure = PipelineConfig(alignment=AlignmentConfig(clock_offset_sigma_s=0.1))
+    keys.append(predict(tmp_path, episodes, solvers={"robust": Solver(unsure, labels=False)}).key)
     monkeypatch.setattr(predictions, "code_digest", lambda *names, without: "other code")
     keys.append(predict(tmp_path, episodes).key)
-    assert len(set(keys)) == 5
+    assert len(set(keys)) == 6
 
 
 @pytest.mark.parametrize("damage", [b"", b"no archive", None])

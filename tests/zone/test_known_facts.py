@@ -62,6 +62,17 @@ def test_a_known_side_settles_what_ranges_leave_open(side) -> None:
     assert decision.reasons == ()
 
 
+@pytest.mark.parametrize("error", [0.02, 0.2])
+def test_a_statement_counts_in_full_whatever_the_ranges_errors_share(error) -> None:
+    found, _ = make_hypotheses(1, sigma_m=0.1)
+    found.log_odds[:] = 0.0
+    (fix,) = decide(found, side="left", statement_error=error).anchors
+    # It says nothing at all, or holds but for single cones; per cone against 1/2 without it.
+    left, right = (error + (1.0 - error) * 2.0 * share for share in (1.0 - error, error))
+    assert fix.position_m[1] > 0.0
+    assert fix.mirror_probability == pytest.approx(right / (left + right), rel=1e-3)
+
+
 def test_a_wrong_side_is_told_and_not_used() -> None:
     found, true_m = make_hypotheses(6, seed=5, odds=12.0)
     decision = decide(found, side="right")
@@ -92,7 +103,7 @@ def test_a_closure_keeps_all_cones_to_one_side(seed) -> None:
     scene = simulate_pass(PRESETS["straight"], seed=seed)
 
     def wrong(**said):
-        config = make_config({"denoiser": "pose-kalman", "prior": said})
+        config = make_config({"denoiser": "raw", "prior": said})
         anchors = reconstruct(scene, config).anchors
         off_m = np.stack([fix.position_m for fix in anchors]) - scene.truth.anchor_m
         return int((np.hypot(*off_m.T) > 1.5).sum())

@@ -50,19 +50,6 @@ def test_what_is_shared_moves_all_anchors_alike() -> None:
     assert np.corrcoef(east_m.T)[0, 1] == pytest.approx(0.5, abs=0.03)  # half of it is common
 
 
-def test_inflated_anchors_scatter_more() -> None:
-    found, _ = make_hypotheses(4, odds=60.0)
-    worse = replace(found, inflation=np.array([1.0, 9.0, 1.0, 1.0]))
-    spread = [
-        sample_scenes(each, decide(each, ALONE).combinations, n_samples=MANY).place_m.std(axis=0)
-        for each in (found, worse)
-    ]
-    ratio = (spread[1] / spread[0]).mean(axis=1)
-    assert ratio == pytest.approx([1.0, 3.0, 1.0, 1.0], rel=0.05)
-    fix = decide(worse, ALONE).anchors[1]
-    assert fix.covariance_m2 == pytest.approx(9.0 * found.covariance_m2[1, 0])
-
-
 def test_one_log_gives_one_result_and_unlocated_anchors_are_left_out() -> None:
     found, _ = make_hypotheses(5)
     found.position_m[2] = np.nan

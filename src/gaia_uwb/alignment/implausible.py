@@ -6,7 +6,7 @@ to be unreliable.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 
@@ -29,7 +29,11 @@ _BLOCK = 1 << 16
 
 
 def log_problems(
-    scene: Scene, offset_s: float = 0.0, *, max_gap_s: float = 1.0
+    scene: Scene,
+    offset_s: float = 0.0,
+    *,
+    max_gap_s: float = 1.0,
+    unexplained: Collection[str] | None = None,
 ) -> Iterator[Reason]:
     """Yield what makes every result of a log unreliable.
 
@@ -41,6 +45,8 @@ def log_problems(
         A reading stamped t belongs to the trajectory at ``t - offset_s``.
     max_gap_s
         Longest gap of the trajectory that is interpolated, in seconds.
+    unexplained
+        The anchors whose ranges no place explains: causes are sought for these. All by default.
 
     Examples
     --------
@@ -59,13 +65,21 @@ def log_problems(
         *_negative(scene),
     ):
         yield Reason(ReasonKind.LOG, problem)
+    if unexplained is not None and not unexplained:
+        return
     cause = likely_cause(scene, offset_s, max_gap_s)
     if cause is not None:
         yield cause
-    else:
-        yield from contradicted_anchors(scene, offset_s, max_gap_s=max_gap_s)
-        yield from drifting_clock(scene, offset_s, max_gap_s)
-        yield from biased_anchors(scene, offset_s, max_gap_s)
+        return
+    # A clock is every anchor's, so it explains what befalls most of them.
+    most = unexplained is None or len(unexplained) > 0.5 * scene.n_anchors
+    for reason in (
+        *contradicted_anchors(scene, offset_s, max_gap_s=max_gap_s),
+        *(drifting_clock(scene, offset_s, max_gap_s) if most else ()),
+        *biased_anchors(scene, offset_s, max_gap_s),
+    ):
+        if unexplained is None or not reason.cones or set(reason.cones) & set(unexplained):
+            yield reason
 
 
 def spike_problems(readings: Mapping[str, ReadingCounts]) -> Iterator[Reason]:

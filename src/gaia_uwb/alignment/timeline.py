@@ -22,7 +22,7 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, InputError, Int64
 from gaia_uwb.alignment.clock import estimate_clock_offset
-from gaia_uwb.alignment.implausible import log_notes, log_problems, spike_problems
+from gaia_uwb.alignment.implausible import log_notes, spike_problems
 from gaia_uwb.alignment.readings import (
     LONGEST_INTERVAL_S,
     ROUNDING_S,
@@ -37,7 +37,7 @@ from gaia_uwb.alignment.readings import (
 )
 from gaia_uwb.alignment.spikes import gate_spikes
 from gaia_uwb.config import AlignmentConfig
-from gaia_uwb.episode import ClockOffset, Episode, EpisodeTruth, ReadingCounts
+from gaia_uwb.episode import ClockOffset, Episode, EpisodeTruth, RangeReadings, ReadingCounts
 from gaia_uwb.scene import Scene
 
 _LEAST_SPAN_M = 1.0  # a path that spans less tells how far anchors are, but not where
@@ -47,7 +47,12 @@ _NEIGHBOURS = 2  # steps before and after a step that tell the rate of the path 
 _GAP_INTERVALS, _LEAST_GAP_S = 3.0, 1.0  # of "auto"
 
 
-def align(scene: Scene, config: AlignmentConfig = AlignmentConfig()) -> Episode:
+def align(
+    scene: Scene,
+    config: AlignmentConfig = AlignmentConfig(),
+    *,
+    clock: ClockOffset | None = None,
+) -> Episode:
     """Bring a scene onto one timeline.
 
     Parameters
@@ -56,6 +61,8 @@ def align(scene: Scene, config: AlignmentConfig = AlignmentConfig()) -> Episode:
         The log. Its truth is carried over to the timeline, but nothing is decided by it.
     config
         Settings of the alignment.
+    clock
+        The clock offset, where it is known; it is estimated by default.
 
     Returns
     -------
@@ -79,7 +86,7 @@ def align(scene: Scene, config: AlignmentConfig = AlignmentConfig()) -> Episode:
     """
     _check_overlap(scene, config)
     _check_moves(scene)
-    clock = estimate_clock_offset(scene, config)
+    clock = estimate_clock_offset(scene, config) if clock is None else clock
     steps = _known_steps(scene, config)
     range_m = np.full((len(steps.t_s), scene.n_anchors), np.nan)
     counts: dict[str, ReadingCounts] = {}
@@ -110,11 +117,22 @@ def align(scene: Scene, config: AlignmentConfig = AlignmentConfig()) -> Episode:
         clock=clock,
         truth=_truth(scene, steps, clock),
         notes=tuple(log_notes(scene, counts)),
-        problems=(
-            *log_problems(scene, clock.applied_s, max_gap_s=config.max_pose_gap_s),
-            *spike_problems(counts),
-        ),
+        problems=tuple(spike_problems(counts)),
         readings=counts,
+        own_times=_own_times(scene, clock.applied_s, config),
+    )
+
+
+def _own_times(scene: Scene, offset_s: float, config: AlignmentConfig) -> RangeReadings:
+    """Return the readings whose pose is known, at their own times."""
+    log = scene.ranges
+    t_s = log.t_s - offset_s
+    known = pose_at(scene.trajectory, t_s, config.max_pose_gap_s).known
+    return RangeReadings(
+        t_s=t_s[known],
+        anchor=log.anchor[known],
+        range_m=log.range_m[known],
+        trajectory=scene.trajectory,
     )
 
 

@@ -43,6 +43,8 @@ class Denoiser(ABC):
     """Model of its options; none by default."""
     uses_pose: ClassVar[bool] = False
     """Whether it uses the vehicle's pose."""
+    keeps_ranges: ClassVar[bool] = False
+    """Whether it leaves the ranges as they were measured."""
     locates: ClassVar[bool] = False
     """Whether it locates the anchors and pulls its ranges towards those places. A later step that
     locates the anchors again uses the measured ranges: these ones would only repeat the result."""

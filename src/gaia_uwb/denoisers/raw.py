@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from gaia_uwb.denoisers._base import ColumnDenoiser, ColumnRanges, Columns
@@ -19,6 +21,8 @@ class Raw(ColumnDenoiser):
     >>> make_denoiser("raw").uses_pose
     False
     """
+
+    keeps_ranges: ClassVar[bool] = True
 
     def denoise(self, columns: Columns) -> ColumnRanges:
         """Return the ranges and one standard deviation per column; see the base class."""

@@ -96,7 +96,7 @@ def find_limits(
     view = _View(episode, tuple(anchors), config, name, tuple(passes) or (episode,))
     checks: tuple[Callable[[_View], Iterable[Limit]], ...] = (
         _misfit, _clock, _short_path, _moved, _unknown_side, _poor_geometry, _not_settled,
-        _lost, _few_ranges, _gaps, _blocked, _range_bias, _heights, _few_cones,
+        _unexplained, _lost, _few_ranges, _gaps, _blocked, _range_bias, _heights, _few_cones,
     )  # fmt: skip
     if not episode.valid.any():  # nothing of it was heard well enough
         checks = (_lost, _few_cones)
@@ -310,6 +310,13 @@ def _not_settled(view: _View) -> Iterator[Limit]:
     if stopped:
         text = f"The calculation for {view.cones(stopped)} did not reach a stable position."
         yield Limit(ReasonKind.NOT_CONVERGED, text, (Advice.CHECK_LOG, Advice.SECOND_DRIVE))
+
+
+def _unexplained(view: _View) -> Iterator[Limit]:
+    unexplained = view.of_status(AnchorStatus.DOES_NOT_FIT)
+    if unexplained:
+        text = f"The ranges to {view.cones(unexplained)} do not fit one position."
+        yield Limit(ReasonKind.DOES_NOT_FIT, text, (Advice.CHECK_LOG, Advice.CHECK_RADIOS))
 
 
 def _pace(view: _View) -> tuple[Advice, ...]:

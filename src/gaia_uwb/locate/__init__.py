@@ -1,4 +1,4 @@
-"""Locate each anchor by itself: both places that its ranges allow, from one pass or several."""
+"""Locate anchors: both places of each that the ranges allow, from one drive or several."""
 
 import lazy_loader
 

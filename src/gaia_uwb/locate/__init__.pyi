@@ -1,7 +1,7 @@
-from .fusion import fuse as fuse, mark_moved as mark_moved
+from .fusion import Fused as Fused, fuse as fuse, mark_moved as mark_moved
 from .honest_errors import Curves as Curves, square_root as square_root
-from .hypotheses import Hypotheses as Hypotheses, locate as locate
-from .joint_fit import LocatedPass as LocatedPass
+from .hypotheses import Hypotheses as Hypotheses
+from .paper_solver import locate as locate
 from .passes import (
     end_to_end as end_to_end,
     in_one_frame as in_one_frame,
@@ -10,4 +10,10 @@ from .passes import (
     starts_s as starts_s,
     with_anchor_ranges as with_anchor_ranges,
     with_anchors as with_anchors,
+)
+from .zone_places import (
+    ZonePlaces as ZonePlaces,
+    find_places as find_places,
+    with_clock as with_clock,
+    with_run_errors as with_run_errors,
 )

@@ -1,24 +1,19 @@
-"""Fuse several passes of one zone: the best places of every anchor, and whether the passes agree.
+"""Do the passes of one zone agree? What each of them says alone, beside what all say together.
 
-Each anchor that several passes heard gets the places that their fused likelihood peaks at
-(``joint_fit.py``); passes in two lanes reflect an anchor to two different places, and only its true
-one fits both. An anchor that one pass heard keeps what that pass says, to the last bit.
+All passes are located together (``zone_places.py``). Then each is located alone, near
+those places and elsewhere, with the clocks, the bias and the sizes of the errors that all of them
+together gave. The sum over K passes of the
+squared distances, in standard errors, from their own places to their mean is chi-squared with
+2 (K - 1) degrees of freedom if the covariances are right. Two things follow:
 
-*Do the passes agree?* Each pass alone gives a place with a covariance (``hypotheses.py``). The sum
-over K passes of the squared distances, in standard errors, from these places to the fused one is
-chi-squared with 2 (K - 1) degrees of freedom if the covariances are right. Two things follow:
-
-- The anchors of a zone tell together how far the passes' errors exceed what the passes think of
+- The anchors of a zone show together how far the passes' errors exceed what the passes think of
   them: the median over the anchors of this sum, against that of chi-squared, scales variances and
   log odds if it is above 1 (as particle physicists scale averages that scatter too much), and
   each anchor's own sum moves its scale a little. A single pass cannot know this of itself.
 - An anchor whose sum is far beyond that of the others was moved between the passes.
 
-*What independence is assumed.* Each log is a drive of its own (``passes.py`` sees to it): its
-clock error, the noise and the slow errors of its ranges have nothing to do with another drive's. An
-anchor's own bias, the share of the radios' bias that comes from its prior, and the floor of the
-position do not shrink with the number of passes. Errors of the frame are common to all passes of
-one receiver and base station and in no covariance here: see the report's note.
+Errors of the frame are common to all passes of one receiver and base station and in no covariance
+here: see the report's note.
 """
 
 from __future__ import annotations
@@ -28,17 +23,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64
-from gaia_uwb.config import PipelineConfig, SolverConfig
+from gaia_uwb.config import PipelineConfig
+from gaia_uwb.episode import DriveErrors, Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
 from gaia_uwb.locate.hypotheses import Hypotheses
-from gaia_uwb.locate.joint_fit import Heard, JointFit, LocatedPass, TwoPlaces, hear
-from gaia_uwb.locate.passes import all_anchors
+from gaia_uwb.locate.zone_places import ZonePlaces, find_places
 
 _MOVED_SIGMA = 5.0  # the level of the test for moved anchors, as a one-sided normal quantile
 _MOVED_M = 0.5  # passes that place an anchor nearer to each other than this agree
 _NOT_ONE_FRAME = 6.0  # a scale of the errors that no radio explains
 _MOST_NAMED = 5
+_RULED_OUT = 12.0  # odds against a place, as a difference of log evidences
+_CERTAIN = 1e-6  # standard deviation, in metres and seconds, of what is taken as known
 _LEAST_ANCHORS = 3  # fewer do not tell how far errors exceed what the passes think of them
 _OWN_DEGREES = 8.0  # the scale of all anchors counts like so many degrees of freedom of one
 
@@ -68,17 +64,17 @@ class Fused:
 
     Parameters
     ----------
-    anchor_ids
-        All anchors of the zone.
+    places
+        What all readings together say.
     hypotheses
-        The best two places of each.
+        The best two places of each anchor, with errors as large as the passes' scatter.
     disagreements
         The anchors that the passes place apart.
     error_scale
         How many times larger the passes' errors are than each thinks of its own; at least 1.
     """
 
-    anchor_ids: tuple[str, ...]
+    places: ZonePlaces
     hypotheses: Hypotheses
     disagreements: tuple[Disagreement, ...]
     error_scale: float
@@ -106,13 +102,13 @@ class Fused:
             yield Reason(ReasonKind.NOT_ONE_ZONE, text, numbers=numbers)
 
 
-def fuse(passes: Sequence[LocatedPass], config: PipelineConfig = PipelineConfig()) -> Fused:
-    """Fuse the passes of one zone, all in one frame, each with readings of its own.
+def fuse(passes: Sequence[Episode], config: PipelineConfig = PipelineConfig()) -> Fused:
+    """Locate the anchors of one zone from all passes together, and see whether the passes agree.
 
     Parameters
     ----------
     passes
-        At least one.
+        At least one, all in one frame, each with readings of its own.
     config
         ``solver``, and the priors of ``calibration`` and ``alignment``.
 
@@ -121,13 +117,18 @@ def fuse(passes: Sequence[LocatedPass], config: PipelineConfig = PipelineConfig(
     Fused
         The better-fitting place of each anchor comes first.
     """
-    ids = all_anchors([each.episode for each in passes])
-    found = [_Found.of(passes, anchor_id, config) for anchor_id in ids]
-    scatter = [each.scatter for each in found if each.scatter is not None]
-    scale2 = _scale2(scatter)
-    moved = [s.disagreement for s in scatter if s.is_too_much(scale2)]
-    rows = [each.scaled(scale2, config.solver) for each in found]
-    return Fused(ids, _stacked(rows), tuple(moved), scale2**0.5)
+    together = find_places([passes], config)[0]
+    given = [
+        replace(episode, run_errors=_for_certain(errors))
+        for episode, errors in zip(passes, together.errors, strict=True)
+    ]
+    near = dict(zip(together.anchor_ids, together.hypotheses.position_m[:, 0], strict=True))
+    alone = find_places([[episode] for episode in given], config, near=[near] * len(given))
+    scatter = [_Scatter.of(passes, alone, together, n) for n in range(len(together.anchor_ids))]
+    known = [each for each in scatter if each is not None]
+    scale2 = _scale2(known)
+    moved = [each.disagreement for each in known if each.is_too_much(scale2)]
+    return Fused(together, _scaled(together.hypotheses, scatter, scale2), tuple(moved), scale2**0.5)
 
 
 def mark_moved(anchors: Sequence[AnchorFix], fused: Fused) -> tuple[AnchorFix, ...]:
@@ -147,9 +148,14 @@ def mark_moved(anchors: Sequence[AnchorFix], fused: Fused) -> tuple[AnchorFix, .
     )
 
 
+def _for_certain(errors: DriveErrors) -> DriveErrors:
+    """Return the errors as if they were known: what passes share cannot make them disagree."""
+    return replace(errors, covariance=_CERTAIN**2 * np.eye(len(errors.mean)))
+
+
 @dataclass(frozen=True)
 class _Scatter:
-    """How far the passes' own places of an anchor scatter about the fused one."""
+    """How far the passes' own places of an anchor scatter about their mean."""
 
     misfit: float
     degrees: int
@@ -157,111 +163,65 @@ class _Scatter:
 
     @classmethod
     def of(
-        cls, heard: Sequence[Heard], place_m: Array, anchor_id: str, config: PipelineConfig
-    ) -> _Scatter:
-        misfit, own_m = _off(heard, place_m)
-        degrees = 2 * (len(heard) - 1)
-        if misfit.sum() > degrees:
-            # A pass that sees an anchor from one direction only has no Gaussian place; then the
-            # drop of its likelihood says better how far off it is.
-            loss = [JointFit([each], config).loss(place_m) for each in heard]
-            misfit = np.minimum(misfit, loss)
+        cls,
+        passes: Sequence[Episode],
+        alone: Sequence[ZonePlaces],
+        together: ZonePlaces,
+        n: int,
+    ) -> _Scatter | None:
+        """Compare the passes that located an anchor; None if fewer than two did."""
+        name = together.anchor_ids[n]
+        fused_m = together.hypotheses.position_m[n, 0]
+        places, covariances, names = [], [], []
+        for episode, each in zip(passes, alone, strict=True):
+            if name not in each.anchor_ids or not np.isfinite(fused_m).all():
+                continue
+            k = each.anchor_ids.index(name)
+            own_m, own_m2 = each.hypotheses.position_m[k], each.hypotheses.covariance_m2[k]
+            if np.isfinite(own_m).all():
+                off_m = own_m - fused_m
+                near = (off_m * np.linalg.solve(own_m2, off_m[..., None])[..., 0]).sum(axis=1)
+                # The place that all passes agree on counts unless this pass rules it out.
+                side = int(near.argmin())
+                if side == 1 and each.hypotheses.log_odds[k] > _RULED_OUT:
+                    side = 0
+                places.append(own_m[side])
+                covariances.append(own_m2[side])
+                names.append(episode.name)
+        if len(places) < 2:
+            return None
+        place_m, precision = np.stack(places), np.linalg.inv(np.stack(covariances))
+        mean_m = np.linalg.solve(
+            precision.sum(axis=0), (precision @ place_m[..., None]).sum(axis=0)[:, 0]
+        )
+        off_m = place_m - mean_m
+        misfit = (off_m * (precision @ off_m[..., None])[..., 0]).sum(axis=1)
         worst = int(np.argmax(misfit))
-        distance_m = float(np.hypot(*(own_m - own_m[worst]).T).max())
-        apart = Disagreement(anchor_id, heard[worst].name, distance_m)
-        return cls(float(misfit.sum()), degrees, apart)
+        distance_m = float(np.hypot(*(place_m - place_m[worst]).T).max())
+        apart = Disagreement(name, names[worst], distance_m)
+        return cls(float(misfit.sum()), 2 * (len(places) - 1), apart)
 
     def is_too_much(self, scale2: float) -> bool:
+        """Tell whether the passes cannot have seen the anchor at one place."""
         limit = _chi_square(self.degrees, _MOVED_SIGMA)
         return self.misfit > limit * scale2 and self.disagreement.distance_m > _MOVED_M
 
 
-@dataclass(frozen=True)
-class _Found:
-    """The places of one anchor, and the passes' scatter if several heard it."""
-
-    places: TwoPlaces
-    scatter: _Scatter | None
-
-    @classmethod
-    def of(cls, passes: Sequence[LocatedPass], anchor_id: str, config: PipelineConfig) -> _Found:
-        heard = [hear(each, anchor_id, config) for each in passes if _locates(each, anchor_id)]
-        if len(heard) < 2:
-            return cls(_alone(passes, anchor_id), None)
-        places = JointFit(heard, config).best_two()
-        return cls(places, _Scatter.of(heard, places.position_m[0], anchor_id, config))
-
-    def scaled(self, scale2: float, solver: SolverConfig) -> TwoPlaces:
-        """Return the places with errors as large as the passes' scatter shows them."""
-        if self.scatter is None:
-            return self.places
-        scatter = self.scatter
-        own2 = (_OWN_DEGREES * scale2 + scatter.misfit) / (_OWN_DEGREES + scatter.degrees)
-        own2 = max(own2, 1.0)
-        floor = solver.position_floor_m**2 * np.eye(2)
-        return TwoPlaces(
-            position_m=self.places.position_m,
-            covariance_m2=own2 * self.places.covariance_m2 + floor,
-            log_odds=self.places.log_odds / own2,
-            own_bias_m=self.places.own_bias_m,
-            n_ranges=self.places.n_ranges,
-            converged=self.places.converged,
-            inflation=self.places.inflation,
-            centre_m=self.places.centre_m,
-        )
-
-
-def _locates(each: LocatedPass, anchor_id: str) -> bool:
-    """Tell whether a pass has enough ranges of an anchor to say anything about it."""
-    if anchor_id not in each.episode.anchor_ids:
-        return False
-    n = each.episode.anchor_ids.index(anchor_id)
-    return bool(np.isfinite(each.hypotheses.position_m[n]).all())
-
-
-def _alone(passes: Sequence[LocatedPass], anchor_id: str) -> TwoPlaces:
-    """Return what the one pass that located an anchor says, or the one that heard most of it."""
-    having = [each for each in passes if anchor_id in each.episode.anchor_ids]
-    index = [each.episode.anchor_ids.index(anchor_id) for each in having]
-    counts = [int(e.hypotheses.n_ranges[n]) for e, n in zip(having, index, strict=True)]
-    located = [_locates(each, anchor_id) for each in having]
-    best = max(range(len(having)), key=lambda k: (located[k], counts[k]))
-    own, n = having[best].hypotheses, index[best]
-    return TwoPlaces(
-        position_m=own.position_m[n],
-        covariance_m2=own.covariance_m2[n],
-        log_odds=float(own.log_odds[n]),
-        own_bias_m=float(own.own_bias_m[n]),
-        n_ranges=counts[best],
-        converged=bool(own.converged[n]),
-        inflation=float(own.factor()[n, 0, 0]),
-        centre_m=own.position_m[n].mean(axis=0) if own.centre_m is None else own.centre_m[n],
+def _scaled(found: Hypotheses, scatter: Sequence[_Scatter | None], scale2: float) -> Hypotheses:
+    """Return the places with errors as large as the passes' scatter shows them."""
+    own2 = np.ones(len(scatter))
+    for n, each in enumerate(scatter):
+        if each is not None:
+            total = _OWN_DEGREES * scale2 + each.misfit
+            own2[n] = max(total / (_OWN_DEGREES + each.degrees), 1.0)
+    return replace(
+        found,
+        covariance_m2=own2[:, None, None, None] * found.covariance_m2,
+        log_odds=found.log_odds / own2,
+        shared_m=None
+        if found.shared_m is None
+        else found.shared_m * np.sqrt(own2)[:, None, None, None],
     )
-
-
-def _stacked(rows: Sequence[TwoPlaces]) -> Hypotheses:
-    return Hypotheses(
-        position_m=np.stack([row.position_m for row in rows]),
-        covariance_m2=np.stack([row.covariance_m2 for row in rows]),
-        log_odds=np.array([row.log_odds for row in rows]),
-        own_bias_m=np.array([row.own_bias_m for row in rows]),
-        n_ranges=np.array([row.n_ranges for row in rows], dtype=np.int64),
-        converged=np.array([row.converged for row in rows], dtype=np.bool_),
-        inflation=np.array([row.inflation for row in rows]),
-        centre_m=np.stack([row.centre_m for row in rows]),
-    )
-
-
-def _off(
-    heard: Sequence[Heard], place_m: Float64[Array, "2"]
-) -> tuple[Float64[Array, "K"], Float64[Array, "K 2"]]:
-    """Return how far a place is from the nearer one of each pass, in standard errors squared."""
-    own_m = np.stack([each.place_m for each in heard])
-    apart = own_m - place_m
-    covariance = np.stack([each.covariance_m2 for each in heard])
-    misfit = (apart * np.linalg.solve(covariance, apart[..., None])[..., 0]).sum(axis=2)
-    rows, nearer = np.arange(len(heard)), misfit.argmin(axis=1)
-    return misfit[rows, nearer], own_m[rows, nearer]
 
 
 def _scale2(scatter: Sequence[_Scatter]) -> float:

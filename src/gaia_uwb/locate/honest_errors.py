@@ -1,22 +1,16 @@
-"""What a linear covariance leaves out: errors peculiar to one anchor, and the bend of a circle.
+"""What a linear covariance leaves out: the bend of a circle.
 
-Two things make an anchor's place less sure than the covariance of ``hypotheses.py`` says. Neither
-takes part in the decision on sides; both are in what is reported, and in the scenes that are drawn.
+It takes no part in the decision on sides; it is in what is reported, and in the scenes that are
+drawn.
 
-*Inflation.* The calibration knows how the whole log's ranges err: their variance, times the number
-of ranges in a row that err alike. One anchor may be worse: someone parked a truck before it. Its
-own residuals tell. They are clipped at three of their robust standard deviations, as an estimator
-that withstands outliers sees them, and their long-run variance (Newey and West, 1987) is set
-against the log's. An anchor never counts as better than its log: a few ranges cannot show that.
-
-*Curves.* Far from a short stretch of path an anchor's distance is known to centimetres and its
-bearing to some degrees: the place lies on an arc about the stretch, not on the arc's tangent, which
-leaves the circle by ``s^2 / 2 r`` after a length s. And ranges along a straight path tell the
-*square* of the offset y from it: the linear error ``d sigma / y`` grows without bound where an
-anchor nears the path's line and its mirror image, while the offset errs by no more than about
-``sqrt(2 d sigma)``. So linear errors are laid along these curves: first
-``y -> sqrt(y^2 + 2 y e)``, down to the fold at 0 where the mirror image begins, then along the arc.
-Errors that are small compared with the offset and the distance stay what they are.
+Far from a short stretch of path an anchor's distance is known to centimetres and its bearing to
+some degrees: the place lies on an arc about the stretch, not on the arc's tangent, which leaves the
+circle by ``s^2 / 2 r`` after a length s. And ranges along a straight path tell the *square* of the
+offset y from it: the linear error ``d sigma / y`` grows without bound where an anchor nears the
+path's line and its mirror image, while the offset errs by no more than about ``sqrt(2 d sigma)``.
+So linear errors are laid along these curves: first ``y -> sqrt(y^2 + 2 y e)``, down to the fold at
+0 where the mirror image begins, then along the arc. Errors that are small compared with the offset
+and the distance stay what they are.
 """
 
 from __future__ import annotations
@@ -27,81 +21,8 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Float64
 from gaia_uwb.episode import Episode
-from gaia_uwb.solver import correlation_lag
 
-_CLIP_SIGMA = 3.0
 _NODES = 7
-_CHUNK = 1 << 20  # residuals worked on at a time
-
-
-def own_inflation(
-    episode: Episode,
-    position_m: Float64[Array, "N H 2"],
-    own_bias_m: Float64[Array, "N"],
-    correlation_s: float,
-) -> Float64[Array, "N"]:
-    """Return how many times larger each anchor's error variance is than the whole log's.
-
-    Of several places the one that explains the ranges best counts: what the others leave is their
-    own misfit.
-
-    Parameters
-    ----------
-    episode
-        The measured ranges and what the log's calibration says of them; without a calibration
-        there is nothing to compare with.
-    position_m : (N, H, 2)
-        Places of each anchor that are possible, in metres.
-    own_bias_m : (N,)
-        Each anchor's own range bias, in metres.
-    correlation_s
-        Errors further apart than this are independent, in seconds.
-
-    Returns
-    -------
-    (N,)
-        At least 1; 1 where nothing is known.
-    """
-    inflation = np.ones(episode.n_anchors)
-    found = episode.calibration
-    if found is None or found.sigma_m <= 0.0:
-        return inflation
-    lag = correlation_lag(episode, correlation_s) + 1
-    known = found.sigma_m**2 * found.correlation
-    size = max(1, _CHUNK // (episode.n_steps * position_m.shape[1]))
-    for start in range(0, episode.n_anchors, size):
-        part = slice(start, start + size)
-        residual_m = _residuals(episode, part, position_m[part]) + own_bias_m[part, None, None]
-        inflation[part] = np.fmax(_long_run(residual_m, lag).min(axis=1) / known, 1.0)
-    return inflation
-
-
-def _residuals(
-    episode: Episode, part: slice, position_m: Float64[Array, "n H 2"]
-) -> Float64[Array, "n H T"]:
-    """Return predicted minus measured ranges; NaN where none was measured."""
-    delta_m = position_m[:, :, None] - episode.position_m
-    gap_m = np.zeros((len(position_m), 1, episode.n_steps))
-    if episode.tag_up_m is not None and episode.anchor_up_m is not None:
-        gap_m[:, 0] = np.nan_to_num(episode.tag_up_m - episode.anchor_up_m[part, None], nan=0.0)
-    slant_m = np.sqrt((delta_m**2).sum(axis=-1) + gap_m**2)
-    measured_m = np.where(episode.valid[:, part], episode.range_m[:, part], np.nan)
-    return np.asarray(slant_m - measured_m.T[:, None])
-
-
-def _long_run(residual_m: Float64[Array, "n H T"], lag: int) -> Float64[Array, "n H"]:
-    """Return the long-run variance of clipped residuals; Bartlett's weights, by moving sums."""
-    n = np.isfinite(residual_m).sum(axis=-1)
-    usable = n >= 2
-    safe_m = np.where(usable[..., None], residual_m, 0.0)
-    centred_m = safe_m - np.nanmedian(safe_m, axis=-1, keepdims=True)
-    sigma_m = 1.4826 * np.nanmedian(np.abs(centred_m), axis=-1, keepdims=True)
-    bound_m = _CLIP_SIGMA * np.maximum(sigma_m, 1e-3)
-    clipped_m = np.nan_to_num(np.clip(centred_m, -bound_m, bound_m))
-    padding = [(0, 0)] * (residual_m.ndim - 1) + [(lag + 1, lag)]
-    sums = np.cumsum(np.pad(clipped_m, padding), axis=-1)
-    window = sums[..., lag:] - sums[..., :-lag]
-    return np.asarray((window**2).sum(axis=-1) / (lag * np.maximum(n, 1)))
 
 
 def path_centres(episode: Episode) -> Float64[Array, "N 2"]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Float64, InputError
 from gaia_uwb.denoised import DenoisedRanges
-from gaia_uwb.episode import Episode, EpisodeTruth
+from gaia_uwb.episode import Episode, EpisodeTruth, RangeReadings
 from gaia_uwb.projection import to_geodetic, to_local
 from gaia_uwb.scene import LocalFrame, Scene
 
@@ -203,6 +203,28 @@ def _joined(windows: Sequence[Episode]) -> Episode:
             else np.concatenate([w.tag_up_m for w in windows if w.tag_up_m is not None])[rows]
         ),
         truth=None,
+        own_times=_joined_readings(windows),
+        errors=first.run_errors,
+        run_errors=None,
+    )
+
+
+def _joined_readings(windows: Sequence[Episode]) -> RangeReadings | None:
+    """Return the readings of all windows of a run, each once."""
+    known = [window.own_times for window in windows if window.own_times is not None]
+    if len(known) < len(windows):
+        return None
+    columns = {
+        name: np.concatenate([getattr(each, name) for each in known])
+        for name in ("t_s", "anchor", "range_m")
+    }
+    key = np.stack([columns["t_s"], columns["anchor"].astype(np.float64), columns["range_m"]])
+    _, rows = np.unique(key, axis=1, return_index=True)
+    return RangeReadings(
+        t_s=columns["t_s"][rows],
+        anchor=columns["anchor"][rows],
+        range_m=columns["range_m"][rows],
+        trajectory=known[0].trajectory,
     )
 
 

@@ -30,6 +30,7 @@ _STATES = {
     AnchorStatus.AMBIGUOUS: "side uncertain",
     AnchorStatus.ILL_CONDITIONED: "poorly determined",
     AnchorStatus.NOT_CONVERGED: "no stable position",
+    AnchorStatus.DOES_NOT_FIT: "ranges do not fit",
     AnchorStatus.MOVED: "probably moved",
     AnchorStatus.TOO_FEW_RANGES: "not located",
 }
@@ -50,7 +51,7 @@ def people_report(reconstruction: Reconstruction) -> str:
     >>> from gaia_uwb.simulate import PRESETS, simulate_pass
     >>> report = people_report(reconstruct(simulate_pass(PRESETS["lane-closure"], seed=0)))
     >>> print(report.splitlines()[2])
-    **Reliable.** All 8 cones were located. The work zone covers 1,122 m².
+    **Reliable.** All 8 cones were located. The work zone covers 1,118 m².
     """
     limits = _all_limits(reconstruction)
     blocks = [

@@ -11,12 +11,14 @@ import ast
 import hashlib
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gaia_uwb._shared import Array
 from gaia_uwb.episode import Episode
 
 _PACKAGE = Path(__file__).parents[1]
@@ -54,9 +56,18 @@ def episodes_digest(episodes: Sequence[Episode]) -> str:
             found = episode.calibration
             arrays += [found.bias, found.covariance]
             digest.update(repr((found.sigma_m, found.correlation)).encode())
+        for part in (episode.clock, episode.own_times, episode.run_errors):
+            arrays += _arrays(part)
         for array in arrays:
             digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()[:_CHUNK]
+
+
+def _arrays(part: Any) -> list[Array]:
+    """Return the numbers in a part of an episode, and in its parts, one by one."""
+    if is_dataclass(part):
+        return [x for own in fields(part) for x in _arrays(getattr(part, own.name))]
+    return [np.asarray(part)] if isinstance(part, np.ndarray | float | int) else []
 
 
 @lru_cache(maxsize=64)

@@ -22,15 +22,22 @@ import numpy as np
 from gaia_uwb._shared import Array, Bool, OutputFolder
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoised import DenoisedRanges
-from gaia_uwb.denoisers import denoiser_identity, make_denoiser
+from gaia_uwb.denoisers import Denoiser, denoiser_identity, make_denoiser
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
-from gaia_uwb.locate import locate
-from gaia_uwb.pipeline import counted_in_readings, reconstruct_episodes
+from gaia_uwb.pipeline import reconstruct_episodes
 from gaia_uwb.reproduce.digests import code_digest, digest_of, episodes_digest
-from gaia_uwb.zone import resolve_sides
 
-_CODE = ("pipeline", "locate.hypotheses", "zone.sides", "denoisers", "reproduce.predictions")
+_CODE = (
+    "pipeline",
+    "locate.zone_places",
+    "locate.paper_solver",
+    "zone.network_prior",
+    "zone.network_sides",
+    "zone.sides",
+    "denoisers",
+    "reproduce.predictions",
+)
 _NOT_FOLLOWED = (
     "_shared.files",
     "learn.window_sets",
@@ -72,7 +79,7 @@ class Solver:
     Parameters
     ----------
     config
-        ``solver`` and ``sides`` are used.
+        All of them but ``denoiser`` are used.
     labels
         Whether ``wls`` gets the true NLOS labels, as in the paper.
     """
@@ -152,34 +159,6 @@ def cached_predictions(
     return read
 
 
-def denoise(episodes: Sequence[Episode], pieces: Pieces) -> list[DenoisedRanges]:
-    """Denoise episodes piece by piece.
-
-    Parameters
-    ----------
-    episodes
-        Any.
-    pieces
-        For each, pieces whose used steps cover it.
-    """
-    arrays = [
-        (np.full(e.range_m.shape, np.nan), np.full(e.range_m.shape, np.nan), np.zeros_like(e.valid))
-        for e in episodes
-    ]
-    names = dict.fromkeys(piece.denoiser for own in pieces for piece in own)
-    for name in names:
-        chosen = [(k, p) for k, own in enumerate(pieces) for p in own if p.denoiser == name]
-        windows = [_window(episodes[k], piece) for k, piece in chosen]
-        for (k, piece), found in zip(chosen, make_denoiser(name)(windows), strict=True):
-            used = slice(piece.used_from, piece.stop)
-            own = slice(piece.used_from - piece.start, None)
-            for target, values in zip(
-                arrays[k], (found.range_m, found.sigma_m, found.valid), strict=True
-            ):
-                target[used] = values[own]
-    return [DenoisedRanges(*own) for own in arrays]
-
-
 def held_out_pieces(
     episode: Episode, denoisers: Sequence[str], first_step: int, length: int
 ) -> list[Stretch]:
@@ -219,10 +198,43 @@ def _window(episode: Episode, piece: Stretch) -> Episode:
 _Anchors = dict[str, list[tuple[AnchorFix, ...]]]
 
 
+class _InPieces(Denoiser):
+    """Lets every piece of an episode be denoised by a denoiser of its own.
+
+    Parameters
+    ----------
+    pieces
+        For each episode, pieces whose used steps cover it.
+    """
+
+    def __init__(self, pieces: Pieces) -> None:
+        super().__init__(None)
+        self._pieces = pieces
+
+    def __call__(self, episodes: Sequence[Episode]) -> list[DenoisedRanges]:
+        shapes = [episode.range_m.shape for episode in episodes]
+        arrays = [
+            (np.full(shape, np.nan), np.full(shape, np.nan), np.zeros(shape, dtype=np.bool_))
+            for shape in shapes
+        ]
+        every = [(k, piece) for k, own in enumerate(self._pieces) for piece in own]
+        for name in dict.fromkeys(piece.denoiser for _, piece in every):
+            chosen = [(k, piece) for k, piece in every if piece.denoiser == name]
+            windows = [_window(episodes[k], piece) for k, piece in chosen]
+            for (k, piece), found in zip(chosen, make_denoiser(name)(windows), strict=True):
+                used = slice(piece.used_from, piece.stop)
+                own = slice(piece.used_from - piece.start, None)
+                for target, values in zip(
+                    arrays[k], (found.range_m, found.sigma_m, found.valid), strict=True
+                ):
+                    target[used] = values[own]
+        return [DenoisedRanges(*own) for own in arrays]
+
+
 def _reconstruct(
     episodes: Sequence[Episode], pieces: Pieces, solvers: Mapping[str, Solver]
 ) -> tuple[list[DenoisedRanges], _Anchors]:
-    """Denoise and locate; by the pipeline itself where one denoiser takes all of an episode."""
+    """Denoise, and locate as the pipeline does; together what one denoiser takes as a whole."""
     denoised: dict[int, DenoisedRanges] = {}
     anchors: dict[tuple[str, int], tuple[AnchorFix, ...]] = {}
     groups: dict[str, list[int]] = {}
@@ -230,32 +242,16 @@ def _reconstruct(
         groups.setdefault(own[0].denoiser if len(own) == 1 else "", []).append(k)
     for name, members in groups.items():
         chosen = [episodes[k] for k in members]
+        denoiser = make_denoiser(name) if name else _InPieces([pieces[k] for k in members])
         for solver_name, solver in solvers.items():
-            if name:
-                config = solver.config.model_copy(update={"denoiser": name})
-                results = reconstruct_episodes(chosen, config, true_nlos=_labels(chosen, solver))
-                found = [(result.denoised, result.anchors) for result in results]
-            else:
-                found = _in_pieces(chosen, [pieces[k] for k in members], solver)
-            for k, (ranges, fixes) in zip(members, found, strict=True):
-                denoised[k], anchors[solver_name, k] = ranges, fixes
+            results = reconstruct_episodes(
+                chosen, solver.config, denoiser=denoiser, true_nlos=_labels(chosen, solver)
+            )
+            for k, result in zip(members, results, strict=True):
+                denoised[k], anchors[solver_name, k] = result.denoised, result.anchors
     order = range(len(episodes))
     by_solver = {name: [anchors[name, k] for k in order] for name in solvers}
     return [denoised[k] for k in order], by_solver
-
-
-def _in_pieces(
-    episodes: Sequence[Episode], pieces: Pieces, solver: Solver
-) -> list[tuple[DenoisedRanges, tuple[AnchorFix, ...]]]:
-    """Do what the pipeline does with ranges that several denoisers made; a test compares both."""
-    blind = [episode.without_truth() for episode in episodes]
-    config, denoised = solver.config, denoise(blind, pieces)
-    places = locate(blind, denoised, config.solver, nlos=_labels(episodes, solver))
-    found = []
-    for episode, ranges, own in zip(blind, denoised, places, strict=True):
-        fixes = resolve_sides(episode.anchor_ids, own, config.sides, config.solver)
-        found.append((ranges, counted_in_readings(fixes, [episode], config)))
-    return found
 
 
 def _labels(episodes: Sequence[Episode], solver: Solver) -> list[Bool[Array, "_ _"]] | None:
@@ -272,10 +268,7 @@ def _key(episodes: Sequence[Episode], pieces: Pieces, solvers: Mapping[str, Solv
             "pieces": [
                 [(models[p.denoiser], p.start, p.stop, p.used_from) for p in own] for own in pieces
             ],
-            "solvers": {
-                name: [s.config.solver.model_dump(), s.config.sides.model_dump(), s.labels]
-                for name, s in solvers.items()
-            },
+            "solvers": {name: [s.config.model_dump(), s.labels] for name, s in solvers.items()},
             "code": code_digest(*_CODE, without=_NOT_FOLLOWED),
         }
     )

@@ -147,7 +147,6 @@ class NormalSums:
     xx: Float64[Array, "B n 3 3"]
     jr: Float64[Array, "B n 3"]
     xr: Float64[Array, "B n 3"]
-    residual_m: Float64[Array, "B n T"]
 
 
 def normal_sums(
@@ -193,7 +192,6 @@ def normal_sums(
         xx=np.swapaxes(shared, -1, -2) @ (curvature * shared),
         jr=(across @ (weight * column))[..., 0],
         xr=(np.swapaxes(shared, -1, -2) @ (weight * column))[..., 0],
-        residual_m=np.where(use, residual, np.nan),
     )
 
 

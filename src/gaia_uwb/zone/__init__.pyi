@@ -1,6 +1,7 @@
 from .boundary import make_boundary as make_boundary
 from .decision import Combinations as Combinations, Decision as Decision
 from .known_facts import KnownFacts as KnownFacts
+from .network_prior import dispose as dispose
 from .network_sides import decide_zone as decide_zone, widened as widened
 from .path_sides import PathSides as PathSides
 from .polygons import (

@@ -114,6 +114,8 @@ class ChosenPlace:
         Own bias of the anchor's ranges, in metres; NaN where none was estimated.
     converged
         Whether the search for the place did.
+    fits
+        Whether the ranges bear the place out.
     """
 
     position_m: Float64[Array, "2"]
@@ -123,6 +125,7 @@ class ChosenPlace:
     mirror_probability: float
     range_bias_m: float = np.nan
     converged: bool = True
+    fits: bool = True
 
 
 def make_fix(
@@ -177,6 +180,8 @@ def _status_of(place: ChosenPlace, config: SidesConfig, solver: SolverConfig) ->
         return AnchorStatus.ILL_CONDITIONED
     if not place.converged:
         return AnchorStatus.NOT_CONVERGED
+    if not place.fits:
+        return AnchorStatus.DOES_NOT_FIT
     if place.mirror_probability > config.ambiguous_above:
         return AnchorStatus.AMBIGUOUS
     return AnchorStatus.OK

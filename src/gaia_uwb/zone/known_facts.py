@@ -109,8 +109,9 @@ class KnownFacts:
         """
         prior, found = self.prior, []
         if prior.side is not None or prior.closure is not None:
-            covariance_m2 = (hypotheses.covariance_m2 * hypotheses.factor()[:, None])[located]
-            left = self._path.left_probability(hypotheses.position_m[located], covariance_m2)
+            left = self._path.left_probability(
+                hypotheses.position_m[located], hypotheses.covariance_m2[located]
+            )
             left = left[np.arange(len(located)), side]
         words = said_words(prior)
         if prior.side is not None:
@@ -229,9 +230,7 @@ class KnownFacts:
         order = self._path.order(hypotheses.position_m[located], side)
         chosen = np.take_along_axis(side, order, axis=1)
         place_m = hypotheses.position_m[located[order], chosen]
-        covariance_m2 = (hypotheses.covariance_m2 * hypotheses.factor()[:, None])[
-            located[order], chosen
-        ]
+        covariance_m2 = hypotheses.covariance_m2[located[order], chosen]
         distance_m, unit = _distances(place_m)
         both = covariance_m2[:, 1:] + covariance_m2[:, :-1]
         variance_m2 = np.einsum("kpi,kpij,kpj->kp", unit, both, unit)
@@ -252,15 +251,14 @@ class KnownFacts:
         if not self.surveyed:
             return hypotheses
         position_m = hypotheses.position_m.copy()
-        factor = hypotheses.factor()
         covariance_m2 = hypotheses.covariance_m2.copy()
         for index, (survey_m, sigma_m) in self.surveyed.items():
             distance2, _ = _misfit(hypotheses, index, survey_m, sigma_m)
             for side in np.flatnonzero(distance2 < _CONSISTENT):
-                own = covariance_m2[index, side] * factor[index]
+                own = covariance_m2[index, side]
                 gain = own @ np.linalg.inv(own + sigma_m**2 * np.eye(2))
                 position_m[index, side] += gain @ (survey_m - position_m[index, side])
-                covariance_m2[index, side] = (own - gain @ own) / factor[index]
+                covariance_m2[index, side] = own - gain @ own
         return replace(hypotheses, position_m=position_m, covariance_m2=covariance_m2)
 
     def with_spacing(
@@ -322,7 +320,7 @@ def _misfit(
     hypotheses: Hypotheses, index: int, survey_m: Float64[Array, "2"], sigma_m: float
 ) -> tuple[Float64[Array, "2"], Float64[Array, "2"]]:
     """Return how far a survey is from both places, squared and scaled, and log determinants."""
-    covariance_m2 = hypotheses.covariance_m2[index] * hypotheses.factor()[index]
+    covariance_m2 = hypotheses.covariance_m2[index]
     covariance_m2 = np.nan_to_num(covariance_m2, nan=0.0, posinf=1e12) + sigma_m**2 * np.eye(2)
     off_m = survey_m - hypotheses.position_m[index]
     scaled = np.linalg.solve(covariance_m2, off_m[..., None])[..., 0]

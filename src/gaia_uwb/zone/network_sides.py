@@ -46,6 +46,7 @@ def decide_zone(
     config: SidesConfig = SidesConfig(),
     solver: SolverConfig = SolverConfig(),
     facts: KnownFacts | None = None,
+    by_ranges: Hypotheses | None = None,
 ) -> Decision:
     """Choose a side for every anchor, and keep the combinations of sides that may be instead.
 
@@ -63,20 +64,23 @@ def decide_zone(
         ``min_ranges`` and ``ill_conditioned_above_m``.
     facts
         What is known of the zone beforehand; used as far as the denoiser does not contradict it.
+    by_ranges
+        The fit of the ranges: whether it converged, and each anchor's own range bias.
     """
     located = np.flatnonzero(zone.located & (n_ranges >= solver.min_ranges))
     ids = [anchor_ids[n] for n in located.tolist()]
     zone = _one_place_where_both_meet(zone)
-    hypotheses = _as_hypotheses(zone, located, n_ranges)
+    hypotheses = _as_hypotheses(zone, located, n_ranges, by_ranges)
     if facts is None or not len(located):
         choice = _Choice.of(zone, located, hypotheses)
     else:
         choice = _Choice.with_facts(zone, located, hypotheses, facts, ids)
+    choice = choice.honest(located)
     row = {n: k for k, n in enumerate(located.tolist())}
     anchors = tuple(
         make_fix(
             anchor_id,
-            _place(choice, row[n], n) if n in row else None,
+            _place(choice, row[n], n, by_ranges) if n in row else None,
             int(n_ranges[n]),
             config,
             solver,
@@ -97,6 +101,15 @@ class _Choice:
     covariance_m2: Float64[Array, "M 2 2"]
     mirror_probability: Float64[Array, "M"]
     reasons: tuple[Reason, ...] = ()
+
+    def honest(self, located: Int64[Array, "M"]) -> _Choice:
+        """Return the choice with covariances along the curves on which places err."""
+        side = np.zeros(len(self.hypotheses.log_odds), dtype=np.int64)
+        side[located] = self.side
+        linear_m2 = self.hypotheses.covariance_m2[np.arange(len(side)), side]
+        linear_m2[located] = self.covariance_m2
+        honest_m2 = self.hypotheses.honest_covariance(linear_m2, side)
+        return replace(self, covariance_m2=honest_m2[located])
 
     @classmethod
     def of(cls, zone: ZonePosterior, located: Int64[Array, "M"], hypotheses: Hypotheses) -> _Choice:
@@ -179,7 +192,7 @@ class _Choice:
         )
 
 
-def _place(choice: _Choice, row: int, n: int) -> ChosenPlace:
+def _place(choice: _Choice, row: int, n: int, by_ranges: Hypotheses | None) -> ChosenPlace:
     """Return where the located anchor of a row stands."""
     other = 1 - int(choice.side[row])
     return ChosenPlace(
@@ -188,6 +201,9 @@ def _place(choice: _Choice, row: int, n: int) -> ChosenPlace:
         mirror_position_m=choice.hypotheses.position_m[n, other],
         mirror_covariance_m2=choice.hypotheses.covariance_m2[n, other],
         mirror_probability=float(choice.mirror_probability[row]),
+        range_bias_m=np.nan if by_ranges is None else float(by_ranges.own_bias_m[n]),
+        converged=by_ranges is None or bool(by_ranges.converged[n]),
+        fits=by_ranges is None or bool(by_ranges.fits[n]),
     )
 
 
@@ -237,7 +253,10 @@ def _one_place_where_both_meet(zone: ZonePosterior) -> ZonePosterior:
 
 
 def _as_hypotheses(
-    zone: ZonePosterior, located: Int64[Array, "M"], n_ranges: Int64[Array, "N"]
+    zone: ZonePosterior,
+    located: Int64[Array, "M"],
+    n_ranges: Int64[Array, "N"],
+    by_ranges: Hypotheses | None,
 ) -> Hypotheses:
     """Return both places as those who draw possible scenes expect them: left first, then right."""
     n = len(n_ranges)
@@ -249,6 +268,8 @@ def _as_hypotheses(
         own_bias_m=np.zeros(n),
         n_ranges=n_ranges,
         converged=np.ones(n, dtype=np.bool_),
+        fits=np.ones(n, dtype=np.bool_),
+        centre_m=None if by_ranges is None else by_ranges.centre_m,
     )
 
 

@@ -106,14 +106,14 @@ class _Component:
 
     def draw(self, n: int, rng: np.random.Generator) -> Float64[Array, "n M 2"]:
         m = len(self._place_m)
-        half = rng.standard_normal(((n + 1) // 2, 2 * m + 7))
-        normal = np.concatenate([half, -half])[:n]
-        own = np.einsum("mij,smj->smi", self._own_m, normal[:, 7:].reshape(n, m, 2))
         alike = np.concatenate(
             [self._centre_m, self._errors.shared_m, self._errors.frame_m], axis=-1
         )
-        offset_m = own + np.einsum("mij,sj->smi", alike, normal[:, :7])
-        offset_m *= self._errors.stretch[:, None]
+        common = alike.shape[-1]
+        half = rng.standard_normal(((n + 1) // 2, 2 * m + common))
+        normal = np.concatenate([half, -half])[:n]
+        own = np.einsum("mij,smj->smi", self._own_m, normal[:, common:].reshape(n, m, 2))
+        offset_m = own + np.einsum("mij,sj->smi", alike, normal[:, :common])
         curves = self._errors.curves
         if curves is None:
             return np.asarray(self._place_m + offset_m)
@@ -124,9 +124,8 @@ class _Component:
 class _Errors:
     """What is known of the errors of one combination's places besides the joint decision."""
 
-    shared_m: Float64[Array, "M 2 3"]
+    shared_m: Float64[Array, "M 2 S"]
     frame_m: Float64[Array, "M 2 2"]
-    stretch: Float64[Array, "M"]
     curves: Curves | None
 
     @classmethod
@@ -134,22 +133,17 @@ class _Errors:
         cls, hypotheses: Hypotheses, rows: Int64[Array, "M"], side: Int64[Array, "M"]
     ) -> _Errors:
         covariance_m2 = hypotheses.covariance_m2[rows, side]
-        shared_m = np.zeros((len(rows), 2, 3))
+        shared_m = np.zeros((len(rows), 2, 0))
         if hypotheses.shared_m is not None:
             shared_m = hypotheses.shared_m[rows, side]
         frame_m = square_root(covariance_m2 - shared_m @ np.swapaxes(shared_m, -1, -2))
-        inflation = hypotheses.inflation
-        centre_m, place_m = hypotheses.centre_m, hypotheses.position_m
-        stretch = np.ones(len(rows)) if inflation is None else np.sqrt(inflation[rows])
         curves = None
-        if centre_m is not None:
-            honest_m2 = covariance_m2 * stretch[:, None, None] ** 2
-            place_m, mirror_m = place_m[rows, side], place_m[rows, 1 - side]
-            curves = Curves.of(place_m, mirror_m, honest_m2, centre_m[rows])
+        if hypotheses.centre_m is not None:
+            place_m, mirror_m = (hypotheses.position_m[rows, each] for each in (side, 1 - side))
+            curves = Curves.of(place_m, mirror_m, covariance_m2, hypotheses.centre_m[rows])
         return cls(
             shared_m=np.sqrt(SHARED_ERRORS) * shared_m,
             frame_m=np.sqrt(SHARED_ERRORS) * frame_m,
-            stretch=stretch,
             curves=curves,
         )
 

@@ -7,10 +7,6 @@ of the places it chooses, times how well they form a zone. Up to eight undecided
 combinations are compared; with more, the best is climbed to by single flips from several starts.
 The probability of an anchor's mirror image is the share of evidence of the combinations that put
 the anchor there. An anchor that stays undecided is called ambiguous.
-
-Evidence is worth less where anchors' ranges err more than the whole log's (``honest_errors.py``):
-log evidences are divided by the geometric mean of the anchors' inflations, which changes
-probabilities, not the choice.
 """
 
 from __future__ import annotations
@@ -91,9 +87,8 @@ def decide_sides(
     if config.joint and facts is not None and len(located):
         found, hypotheses, reasons = _with_facts(hypotheses, located, facts)
         chosen, combinations = found.decision(chosen, located)
-        honest_m2 = found.covariance_m2 * hypotheses.factor()[located]
         ids = [anchor_ids[n] for n in located.tolist()]
-        reasons += facts.exceptions(found.place_m, honest_m2, ids, reasons)
+        reasons += facts.exceptions(found.place_m, found.covariance_m2, ids, reasons)
     elif config.joint and len(located) > 1:
         chosen, combinations = _jointly(hypotheses, located).decision(chosen, located)
     else:
@@ -149,8 +144,7 @@ def _one_place(hypotheses: Hypotheses) -> Bool[Array, "N"]:
 
 def _apart(hypotheses: Hypotheses) -> _Choice:
     """Take each anchor's better-fitting hypothesis."""
-    odds = hypotheses.log_odds / hypotheses.factor().ravel()
-    mirror = 1.0 / (1.0 + np.exp(np.minimum(odds, 700.0)))
+    mirror = 1.0 / (1.0 + np.exp(np.minimum(hypotheses.log_odds, 700.0)))
     mirror[_one_place(hypotheses)] = 0.0
     return _Choice(
         side=np.zeros(len(mirror), dtype=np.int64),
@@ -205,24 +199,19 @@ def _jointly(
 ) -> _Comparison:
     """Compare combinations of sides; ``known`` is the log likelihood of what else is known."""
     odds = hypotheses.log_odds[located]
-    # Errors peculiar to some anchors make the evidence of all worth less, by their geometric mean
-    # over the zone, which leaves the best combination what it is. On training layouts of the preset
-    # "wild" that gave the true combination the highest mean log probability of seven such rules.
-    doubt = float(np.exp(np.log(hypotheses.factor()[located]).mean()))
-    worth = SHARED_ERRORS / doubt
-    open_sides = _open(odds, doubt, _one_place(hypotheses)[located])
+    open_sides = np.flatnonzero((odds < _DECIDED) & ~_one_place(hypotheses)[located])
     search = Search(
         hypotheses.position_m[located],
         hypotheses.covariance_m2[located],
         odds,
-        None if known is None else lambda side: known(side) / worth,
+        None if known is None else lambda side: known(side) / SHARED_ERRORS,
     )
     if len(open_sides) <= _ENUMERATE:
         search.look_at(all_combinations(len(located), open_sides))
     else:
         search.climb(open_sides)
     best, evidence, combinations = search.result()
-    weight = np.exp(worth * (evidence - evidence.max()))
+    weight = np.exp(SHARED_ERRORS * (evidence - evidence.max()))
     weight /= weight.sum()
     is_open = np.zeros(len(located), dtype=np.bool_)
     is_open[open_sides] = True
@@ -247,21 +236,9 @@ def _with_facts(
         ),
     )
     common = SHARED_ERRORS * surveyed.covariance_m2[located, found.side[found.best]]
-    factor = hypotheses.factor()[located]
-    own_m2 = factor * (found.covariance_m2 - common)
-    place_m, own_m2 = holds.with_spacing(found.place_m, own_m2)
-    found = replace(found, place_m=place_m, covariance_m2=own_m2 / factor + common)
+    place_m, own_m2 = holds.with_spacing(found.place_m, found.covariance_m2 - common)
+    found = replace(found, place_m=place_m, covariance_m2=own_m2 + common)
     return found, surveyed, reasons
-
-
-def _open(
-    odds: Float64[Array, "M"], doubt: float, one_place: Bool[Array, "M"]
-) -> Int64[Array, "K"]:
-    """Return the anchors whose side their own ranges leave open, of the doubtful ones a few."""
-    candidates = np.flatnonzero((odds < _DECIDED * doubt) & ~one_place)
-    least_sure = candidates[np.argsort(odds[candidates], kind="stable")]
-    count = max(int((odds[candidates] < _DECIDED).sum()), _ENUMERATE)
-    return np.sort(least_sure[:count])
 
 
 def _place(hypotheses: Hypotheses, chosen: _Choice, n: int) -> ChosenPlace | None:
@@ -276,4 +253,5 @@ def _place(hypotheses: Hypotheses, chosen: _Choice, n: int) -> ChosenPlace | Non
         mirror_probability=float(chosen.mirror_probability[n]),
         range_bias_m=float(hypotheses.own_bias_m[n]),
         converged=bool(hypotheses.converged[n]),
+        fits=bool(hypotheses.fits[n]),
     )

@@ -21,7 +21,8 @@ const chosen = { id: null, step: 0, ranges: false };  // what the reader looks a
 
 const STATUS = {
   ok: "located", ambiguous: "side uncertain", "ill-conditioned": "poorly determined",
-  "not-converged": "no stable position", moved: "probably moved", "too-few-ranges": "not located",
+  "not-converged": "no stable position", "does-not-fit": "ranges do not fit",
+  moved: "probably moved", "too-few-ranges": "not located",
 };
 
 function byId(id) { return document.getElementById(id); }

@@ -91,7 +91,7 @@ function swatchOf(role, parent, status = "ok") {
 
 function listLegend() {
   const rows = [["cone", "cone", "ok"]];
-  for (const status of ["ambiguous", "ill-conditioned", "not-converged", "moved"])
+  for (const status of ["ambiguous", "ill-conditioned", "not-converged", "does-not-fit", "moved"])
     if ([...cones.values()].some((cone) => cone.status === status))
       rows.push(["cone", `cone: ${STATUS[status]}`, status]);
   rows.push(...Object.entries(LEGEND));

@@ -1,0 +1,390 @@
+"""The slow errors of each cone in each drive, and what its readings say once they are averaged out.
+
+Slow errors are a Gaussian random field over the places of the tag. A block (one cone in one drive)
+has up to 64 cells, each with the robust mean of its readings; their errors have the covariance
+``V = sum of size_l^2 exp(-distance / l) + noise``, with correlation lengths l from 1 to 64 m, each
+with a size that the log tells. So errors that belong to a place do not average out, however long
+the vehicle stays there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import lgamma, log, pi
+
+import numpy as np
+
+from gaia_uwb._shared import Array, Bool, Float64, Int64
+from gaia_uwb.locate.evidence import PARKED_MPS, Evidence
+
+OWN = 5
+"""Unknowns of a cone: east, north, delay, and the cosine and sine of its pattern."""
+RADIOS = 2
+"""Unknowns of the radios: range bias at 10 m, and its growth."""
+DRIVE = 6
+"""Unknowns of a drive: clock offset, bias of its tag, and four of its tag's pattern."""
+_COLUMNS = OWN + RADIOS + DRIVE
+_DOF = 4.0  # of the white noise's Student-t distribution
+_LOG_T = lgamma((_DOF + 1) / 2) - lgamma(_DOF / 2) - 0.5 * log(_DOF * pi)
+# Scales of what readings without line of sight are too long by, and how common they are; the
+# second is for readings that are not of this cone at all.
+_OUTLIER_M, _OUTLIER_SHARE = np.array([1.0, 50.0]), np.array([0.9, 0.1])
+_TOO_SHORT = 0.1  # share of the outliers that are too short instead
+SCALES_M = (1.0, 4.0, 16.0, 64.0)
+"""Correlation lengths of the slow errors."""
+_GROUP = 128  # blocks worked on together
+_NEAREST_M = 0.5  # below this a range bias does not grow any more
+
+
+@dataclass
+class Sums:
+    """What all readings say, added up: normal equations, losses and the sizes of residuals.
+
+    Parameters
+    ----------
+    matrix, gradient, cross : (N, 2, 5, 5), (N, 2, 5), (N, 2, 5, S)
+        Of each cone's own unknowns, for both sides; the last with what is shared.
+    shared, shared_gradient : (N, 2, S, S), (N, 2, S)
+        Of what is shared.
+    loss : (N, 2)
+        Negative log likelihood.
+    count, outliers, squares : (N, 2)
+        Readings; how many of them are outliers; the others' squared residuals over the noise's.
+    freedom, spent : (N, 2, L), (N, 2, L, 5, 5)
+        How many independent slow errors the readings show, and what the cone's own unknowns take
+        of them.
+    """
+
+    matrix: Float64[Array, "N 2 5 5"]
+    gradient: Float64[Array, "N 2 5"]
+    cross: Float64[Array, "N 2 5 S"]
+    shared: Float64[Array, "N 2 S S"]
+    shared_gradient: Float64[Array, "N 2 S"]
+    loss: Float64[Array, "N 2"]
+    count: Float64[Array, "N 2"]
+    outliers: Float64[Array, "N 2"]
+    squares: Float64[Array, "N 2"]
+    freedom: Float64[Array, "N 2 L"]
+    spent: Float64[Array, "N 2 L 5 5"]
+
+    @classmethod
+    def zeros(cls, n_cones: int, n_shared: int) -> Sums:
+        """Return sums of nothing."""
+        n, s = n_cones, n_shared
+        return cls(
+            matrix=np.zeros((n, 2, OWN, OWN)),
+            gradient=np.zeros((n, 2, OWN)),
+            cross=np.zeros((n, 2, OWN, s)),
+            shared=np.zeros((n, 2, s, s)),
+            shared_gradient=np.zeros((n, 2, s)),
+            loss=np.zeros((n, 2)),
+            count=np.zeros((n, 2)),
+            outliers=np.zeros((n, 2)),
+            squares=np.zeros((n, 2)),
+            freedom=np.zeros((n, 2, len(SCALES_M))),
+            spent=np.zeros((n, 2, len(SCALES_M), OWN, OWN)),
+        )
+
+
+@dataclass
+class _Group:
+    """Blocks of about the same number of cells, padded to the largest of them."""
+
+    block: Int64[Array, "b"]
+    cell: Int64[Array, "b M"]
+    there: Bool[Array, "b M"]
+    kernel: Float64[Array, "b L M M"]
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """What one step needs to know of the blocks of a group once the step's length is known."""
+
+    group: _Group
+    column: Int64[Array, "b 8"]
+    mean: Float64[Array, "2 b M 14"]
+    solved: Float64[Array, "2 b M 14"]
+    noise_m2: Float64[Array, "2 b M"]
+    left_m2: Float64[Array, "2 b M"]
+    field2: Float64[Array, "b L"]
+    inverse: Float64[Array, "2 b M M"]
+
+
+class SlowErrors:
+    """The slow errors of a group of cones, as far as they are known by now.
+
+    Parameters
+    ----------
+    evidence
+        The cones' readings in cells.
+    offset_s : (D,)
+        Clock offsets under which the cells' places are taken.
+    """
+
+    def __init__(self, evidence: Evidence, offset_s: Float64[Array, "D"]) -> None:
+        self.evidence = evidence
+        n_cells = len(evidence.cell_block)
+        count = np.bincount(evidence.cell, minlength=n_cells)
+        position_m = evidence.motion(offset_s).position_m
+        self._middle_m = np.stack(
+            [np.bincount(evidence.cell, x, minlength=n_cells) / count for x in position_m.T], axis=1
+        )
+        self._groups = list(self._grouped())
+        self.forget()
+
+    def _grouped(self) -> Iterator[_Group]:
+        """Yield groups of blocks with their kernels."""
+        evidence = self.evidence
+        cells = np.bincount(evidence.cell_block, minlength=len(evidence.block_cone))
+        first = np.cumsum(cells) - cells
+        order = np.argsort(cells, kind="stable")
+        for start in range(0, len(order), _GROUP):
+            block = order[start : start + _GROUP]
+            slot = np.arange(max(int(cells[block].max()), 1))
+            there = slot < cells[block, None]
+            cell = np.where(there, first[block, None] + slot, 0)
+            place_m = self._middle_m[cell]
+            apart_m = np.hypot(*np.moveaxis(place_m[:, :, None] - place_m[:, None], -1, 0))
+            kernel = np.exp(-apart_m[:, None] / np.array(SCALES_M)[:, None, None])
+            both = there[:, None, :, None] & there[:, None, None]
+            yield _Group(block, cell, there, np.where(both, kernel, 0.0))
+
+    def forget(self) -> None:
+        """Start with no slow errors."""
+        n_cells, n_blocks = len(self.evidence.cell_block), len(self.evidence.block_cone)
+        self._slow_m = np.zeros((2, n_cells))
+        self._variance_m2 = np.zeros((2, n_cells))
+        self._cost = np.zeros((2, n_blocks))
+        self._explained = np.zeros((2, n_blocks, len(SCALES_M)))
+        self._solved: list[_Solved] = []
+
+    def state(self) -> tuple[Array, ...]:
+        """Return the slow errors as they are by now."""
+        return self._slow_m.copy(), self._variance_m2.copy(), self._cost.copy()
+
+    def restart(self, state: tuple[Array, ...], cones: Bool[Array, "N"]) -> None:
+        """Put the slow errors of some cones back to what they were.
+
+        Parameters
+        ----------
+        state
+            What they were.
+        cones : (N,)
+            Which of all cones.
+        """
+        blocks = cones[self.evidence.cones[self.evidence.block_cone]]
+        cells = blocks[self.evidence.cell_block]
+        now = (self._slow_m, self._variance_m2, self._cost)
+        for values, before, own in zip(now, state, (cells, cells, blocks), strict=True):
+            values[:, own] = before[:, own]
+
+    def linearise(
+        self,
+        own: Float64[Array, "n 2 5"],
+        shared: Float64[Array, "n S"],
+        offset_s: Float64[Array, "D"],
+        drive_slot: Int64[Array, "D"],
+        noise_m: Float64[Array, "n"],
+        outlier_share: Float64[Array, "n"],
+    ) -> None:
+        """Average the readings of every cell, robustly, and their derivatives.
+
+        Parameters
+        ----------
+        own : (n, 2, 5)
+            Unknowns of the cones on both sides.
+        shared : (n, S)
+            What is shared in each cone's zone.
+        offset_s, drive_slot : (D,)
+            Clock offset of each drive, and its number in its zone.
+        noise_m, outlier_share : (n,)
+            White noise and share of outliers in each cone's zone.
+        """
+        evidence = self.evidence
+        motion = evidence.motion(offset_s)
+        cone = evidence.cone
+        speed_mps = np.hypot(motion.velocity_mps[:, 0], motion.velocity_mps[:, 1])
+        course = np.arctan2(motion.velocity_mps[:, 1], motion.velocity_mps[:, 0])
+        moving = speed_mps > PARKED_MPS
+        sigma_m = noise_m[cone]
+        slot = RADIOS + DRIVE * drive_slot[evidence.drive]
+        bias_m, growth_m = shared[cone, 0] + shared[cone, slot + 1], shared[cone, 1]
+        pattern = [shared[cone, slot + 2 + i] for i in range(4)]
+        n_cells, n = len(evidence.cell_block), len(evidence.cones)
+        self._mean = np.empty((2, n_cells, _COLUMNS + 1))
+        self._information = np.empty((2, n_cells))
+        self._loss, self._count = np.empty((2, n)), np.empty((2, n))
+        self._outliers, self._squares = np.empty((2, n)), np.empty((2, n))
+        for side in (0, 1):
+            own_ = own[cone, side]
+            east_m = own_[:, 0] - motion.position_m[:, 0]
+            north_m = own_[:, 1] - motion.position_m[:, 1]
+            distance_m = np.sqrt(east_m**2 + north_m**2 + motion.gap_m**2) + 1e-9
+            flat_m = np.hypot(east_m, north_m) + 1e-9
+            cosine, sine = east_m / flat_m, north_m / flat_m
+            decades = np.log10(np.maximum(distance_m, _NEAREST_M) / 10.0)
+            turned = np.arctan2(north_m, east_m) - course
+            harmonics = [moving * f(i * turned) for i in (1, 2) for f in (np.cos, np.sin)]
+            ux, uy = east_m / distance_m, north_m / distance_m
+            columns = [
+                ux, uy, cosine, sine, decades,
+                ux * motion.velocity_mps[:, 0] + uy * motion.velocity_mps[:, 1], *harmonics,
+            ]  # fmt: skip
+            residual_m = evidence.range_m - distance_m - own_[:, 2] - bias_m
+            residual_m -= own_[:, 3] * cosine + own_[:, 4] * sine + growth_m * decades
+            residual_m -= sum(a * b for a, b in zip(pattern, harmonics, strict=True))
+            left_m = residual_m - self._slow_m[side, evidence.cell]
+            square = (left_m**2 + self._variance_m2[side, evidence.cell]) / sigma_m**2
+            weight = (_DOF + 1.0) / (_DOF + square)
+            inlier, loss = _mixture(left_m, sigma_m, outlier_share[cone])
+            weight *= inlier
+            information = weight / sigma_m**2
+
+            def by_cell(values: Array, information: Array = information) -> Array:
+                return np.bincount(evidence.cell, information * values, minlength=n_cells)
+
+            total = np.bincount(evidence.cell, information, minlength=n_cells)
+            total = np.maximum(total, 1e-9)
+            mean = self._mean[side]
+            mean[:, [2, 5, 8]] = 1.0  # delay, range bias, bias of the tag
+            for column, values in zip((0, 1, 3, 4, 6, 7, 9, 10, 11, 12), columns, strict=True):
+                mean[:, column] = by_cell(values) / total
+            mean[:, -1] = by_cell(residual_m) / total
+            self._information[side] = total
+
+            def by_cone(values: Array) -> Array:
+                return np.bincount(cone, values, minlength=n)
+
+            self._loss[side] = by_cone(loss)
+            self._count[side] = by_cone(np.ones(len(cone)))
+            self._outliers[side] = by_cone(1.0 - inlier)
+            self._squares[side] = by_cone(weight * square)
+
+    def add_to(
+        self, sums: Sums, field_m: Float64[Array, "n L"], drive_slot: Int64[Array, "D"]
+    ) -> None:
+        """Add what the cells say, once their slow errors are averaged out.
+
+        Parameters
+        ----------
+        sums
+            Where to add it.
+        field_m : (n, L)
+            Size of the slow errors of each length in each cone's zone.
+        drive_slot : (D,)
+            Number of each drive in its zone.
+        """
+        evidence = self.evidence
+        cones = evidence.cones
+        self._solved = []
+        sums.loss[cones] += self._loss.T
+        sums.count[cones] += self._count.T
+        sums.outliers[cones] += self._outliers.T
+        sums.squares[cones] += self._squares.T
+        for group in self._groups:
+            local = evidence.block_cone[group.block]
+            cone = cones[local]
+            field2 = field_m[local] ** 2
+            slot = RADIOS + DRIVE * drive_slot[evidence.block_drive[group.block]]
+            column = np.concatenate(
+                [np.tile(np.arange(RADIOS), (len(slot), 1)), slot[:, None] + np.arange(DRIVE)],
+                axis=1,
+            )
+            noise = np.where(group.there, 1.0 / self._information[:, group.cell], 1.0)
+            mean = self._mean[:, group.cell] * group.there[..., None]
+            slow = np.einsum("bl,blij->bij", field2, group.kernel)
+            total = slow + noise[..., None] * np.eye(noise.shape[-1])
+            inverse = np.linalg.inv(total)
+            solved = inverse @ mean
+            matrix = np.swapaxes(mean, -1, -2) @ solved  # (2, b, 14, 14)
+            spread = noise - noise**2 * np.diagonal(inverse, axis1=-2, axis2=-1)
+            self._solved.append(
+                _Solved(group, column, mean, solved, noise, spread, field2, inverse)
+            )
+            diagonal = np.diagonal(np.linalg.cholesky(total), axis1=-2, axis2=-1)
+            log_det = 2.0 * np.log(diagonal).sum(axis=-1) - np.log(noise).sum(axis=-1)
+            own, rest = slice(OWN), slice(OWN, _COLUMNS)
+            for side in (0, 1):
+                one = matrix[side]
+                at = (cone, np.full(len(cone), side))
+                np.add.at(sums.loss, at, 0.5 * log_det[side] + self._cost[side, group.block])
+                np.add.at(sums.matrix, at, one[:, own, own])
+                np.add.at(sums.gradient, at, one[:, own, -1])
+                rows = np.arange(OWN)[None, :, None]
+                np.add.at(
+                    sums.cross,
+                    (cone[:, None, None], at[1][:, None, None], rows, column[:, None]),
+                    one[:, own, rest],
+                )
+                across = (cone[:, None, None], at[1][:, None, None])
+                np.add.at(
+                    sums.shared, (*across, column[:, :, None], column[:, None]), one[:, rest, rest]
+                )
+                np.add.at(
+                    sums.shared_gradient, (cone[:, None], at[1][:, None], column), one[:, rest, -1]
+                )
+
+    def follow(self, own_change: Float64[Array, "n 2 5"], change: Float64[Array, "n S"]) -> None:
+        """Estimate the slow errors that are left after a step.
+
+        Parameters
+        ----------
+        own_change, change : (n, 2, 5), (n, S)
+            The step in each cone's own unknowns, and in what its zone shares.
+        """
+        for each in self._solved:
+            local = self.evidence.block_cone[each.group.block]
+            rest = np.take_along_axis(change[local], each.column, axis=1)
+            for side in (0, 1):
+                step = np.concatenate([own_change[local, side], rest], axis=1)[..., None]
+                pull = each.solved[side, :, :, -1] - (each.solved[side, :, :, :-1] @ step)[..., 0]
+                left_m = each.mean[side, :, :, -1] - (each.mean[side, :, :, :-1] @ step)[..., 0]
+                slow_m = left_m - each.noise_m2[side] * pull
+                cells = each.group.cell[each.group.there]
+                self._slow_m[side, cells] = slow_m[each.group.there]
+                self._variance_m2[side, cells] = each.left_m2[side][each.group.there]
+                self._cost[side, each.group.block] = 0.5 * (pull * slow_m).sum(axis=1)
+                explained = np.einsum("bi,blij,bj->bl", pull, each.group.kernel, pull)
+                self._explained[side, each.group.block] = explained * each.field2
+
+    def add_freedom(self, sums: Sums) -> None:
+        """Add how many independent slow errors of each length the readings show.
+
+        Parameters
+        ----------
+        sums
+            Where to add it.
+        """
+        for each in self._solved:
+            cone = self.evidence.cones[self.evidence.block_cone[each.group.block]]
+            b, length, m, _ = each.group.kernel.shape
+            kernel = each.group.kernel.reshape(b, length, m * m)
+            used = each.solved[..., :OWN]
+            for side in (0, 1):
+                flat = each.inverse[side].reshape(b, m * m, 1)
+                freedom = (kernel @ flat)[..., 0] * each.field2
+                through = each.group.kernel @ used[side][:, None]
+                spent = np.swapaxes(used[side], -1, -2)[:, None] @ through
+                at = (cone, np.full(len(cone), side))
+                np.add.at(sums.freedom, at, freedom)
+                np.add.at(sums.spent, at, spent * each.field2[..., None, None])
+
+    def explained(self) -> Float64[Array, "n 2 L"]:
+        """Return the squared slow errors of each cone and length, by their covariance."""
+        total = np.zeros((len(self.evidence.cones), *self._explained.shape[:1], len(SCALES_M)))
+        np.add.at(total, self.evidence.block_cone, np.moveaxis(self._explained, 0, 1))
+        return total
+
+
+def _mixture(
+    left_m: Float64[Array, "R"], sigma_m: Float64[Array, "R"], share: Float64[Array, "R"]
+) -> tuple[Float64[Array, "R"], Float64[Array, "R"]]:
+    """Return the probability of each residual's being no outlier, and its negative log density."""
+    scaled = (left_m / sigma_m) ** 2
+    inside = (1.0 - share) * np.exp(_LOG_T - 0.5 * (_DOF + 1.0) * np.log1p(scaled / _DOF)) / sigma_m
+    kind = np.where(left_m > 0.0, 1.0 - _TOO_SHORT, _TOO_SHORT)
+    size_m = np.abs(left_m)[..., None] / _OUTLIER_M
+    outside = share * kind * (_OUTLIER_SHARE * np.exp(-size_m) / _OUTLIER_M).sum(axis=-1)
+    total = np.maximum(inside + outside, 1e-300)
+    return inside / total, -np.log(total)

@@ -1,0 +1,435 @@
+"""Places of all cones from the readings of all drives: the estimator, started and read out.
+
+Places are sought from both sides of the path by the solver of single cones, first with the clocks
+and the range bias that are assumed, then with those that the first fit found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gaia_uwb._shared import Array, Bool, Float64, Int64
+from gaia_uwb.config import AlignmentConfig, PipelineConfig
+from gaia_uwb.episode import ClockOffset, DriveErrors, Episode, RangeReadings
+from gaia_uwb.locate.evidence import Evidence, Heard, gather
+from gaia_uwb.locate.honest_errors import path_centres
+from gaia_uwb.locate.hypotheses import Hypotheses
+from gaia_uwb.locate.passes import all_anchors
+from gaia_uwb.locate.slow_errors import DRIVE, RADIOS
+from gaia_uwb.locate.zone_fit import (
+    ALIKE,
+    RADIO_SIZES,
+    RUN,
+    Estimator,
+    Layout,
+    SharedPrior,
+    SizesPrior,
+    ZoneFit,
+)
+from gaia_uwb.scene import Trajectory
+from gaia_uwb.solver import SolverOptions, solve
+
+_TAG_BIAS_M = 0.1  # standard deviation of what a tag adds to the range bias of the radios
+_TAG_PATTERN_M = 0.03  # of each harmonic of a tag's pattern
+_HELD = 1e-6  # standard deviation of what is known for certain
+_SIGMA_M = 0.1  # only a unit for the first solver: the scale of the errors is estimated
+_MOST_EXTRA = 24  # steps beyond the usual ones, for zones that still move
+_SIGNIFICANT = 2.0  # standard deviations that a clock offset is worth correcting
+_UNKNOWN = 0.5  # of the clock's prior: a drive that leaves more than that does not determine it
+_MOST_M = 0.6  # white noise, and slow errors, of radios that work on a known path
+_MOST_OUTLIERS, _MOST_NOISE = 0.5, 3.0  # of a cone that stands where it was located
+_MOST_DELAY_M = 0.3
+_ROUGH_SHARE, _ROUGH_M = 0.1, 0.15  # of outliers; noise or slow errors in metres
+_STILL = 0.1  # converged where the last step was shorter than this, in standard deviations
+
+
+@dataclass(frozen=True)
+class ZonePlaces:
+    """What the readings of one zone say.
+
+    Parameters
+    ----------
+    anchor_ids
+        All cones of the zone.
+    hypotheses
+        Both places of each, the better-fitting first.
+    errors
+        What was found of each drive.
+    outliers, noise : (N,)
+        Of each cone's readings: the share of outliers, and the others' mean square as a multiple
+        of what the noise of the log says.
+    """
+
+    anchor_ids: tuple[str, ...]
+    hypotheses: Hypotheses
+    errors: tuple[DriveErrors, ...]
+    outliers: Float64[Array, "N"]
+    noise: Float64[Array, "N"]
+
+    @property
+    def rough(self) -> bool:
+        """Whether the ranges err in ways that the estimator's model of radios does not stand for.
+
+        Then stretches without line of sight are the rule, and its covariances are too small.
+        """
+        sizes = self.errors[0].sizes
+        slow_m = float(np.sqrt((sizes.field_m**2).sum()))
+        return bool(sizes.outlier_share > _ROUGH_SHARE or max(sizes.noise_m, slow_m) > _ROUGH_M)
+
+    def unexplained(self) -> tuple[str, ...]:
+        """Return the cones whose ranges no place explains as those of working radios."""
+        return tuple(
+            name
+            for name, fits in zip(self.anchor_ids, self.hypotheses.fits, strict=True)
+            if not fits
+        )
+
+
+def find_places(
+    zones: Sequence[Sequence[Episode]],
+    config: PipelineConfig = PipelineConfig(),
+    *,
+    near: Sequence[Mapping[str, Float64[Array, "2"]]] | None = None,
+) -> list[ZonePlaces]:
+    """Locate the cones of zones, each from all drives past it.
+
+    Parameters
+    ----------
+    zones
+        The drives past each zone, in one frame. Windows of a run know what the run found.
+    config
+        ``solver``, and the priors of ``alignment`` and ``calibration``.
+    near
+        Of each zone, places by cone: one of a cone's two places is sought near it, and the other is
+        the better of those that the cone's ranges alone give.
+
+    Returns
+    -------
+    list of ZonePlaces
+        One per zone; each is what the zone alone would give.
+    """
+    found: dict[int, ZonePlaces] = {}
+    groups: dict[tuple[int, bool], list[int]] = {}
+    for z, episodes in enumerate(zones):
+        is_near = near is not None and len(near[z]) > 0
+        groups.setdefault((len(episodes), is_near), []).append(z)
+    for members in groups.values():
+        batch = [zones[z] for z in members]
+        hints = [{} if near is None else near[z] for z in members]
+        found.update(zip(members, _fit_batch(batch, config, hints), strict=True))
+    return [found[z] for z in range(len(zones))]
+
+
+def _fit_batch(
+    zones: list[Sequence[Episode]],
+    config: PipelineConfig,
+    near: list[Mapping[str, Float64[Array, "2"]]],
+) -> list[ZonePlaces]:
+    """Fit zones that have the same number of drives."""
+    ids = [all_anchors(episodes) for episodes in zones]
+    first = np.cumsum([0] + [len(each) for each in ids])
+    n_drives = len(zones[0])
+    heard = []
+    for z, episodes in enumerate(zones):
+        index = {name: int(first[z]) + n for n, name in enumerate(ids[z])}
+        heard += [_heard(episode, index) for episode in episodes]
+    cone_zone = np.repeat(np.arange(len(zones)), np.diff(first))
+    drive_zone = np.repeat(np.arange(len(zones)), n_drives)
+    priors = [_prior(episodes, config) for episodes in zones]
+    prior = SharedPrior(
+        np.stack([mean for mean, _ in priors]), np.stack([precision for _, precision in priors])
+    )
+    known = [episodes[0].run_errors for episodes in zones]
+    evidence = list(
+        gather(
+            heard,
+            int(first[-1]),
+            _clocks(prior.mean, drive_zone, n_drives),
+            config.solver.min_ranges,
+        )
+    )
+    layout = Layout(cone_zone, drive_zone, np.tile(np.arange(n_drives), len(zones)))
+    errors = SizesPrior(
+        [RADIO_SIZES if each is None else each.sizes for each in known],
+        np.array([each is not None for each in known]),
+        np.array([max(e.least_noise_m for e in episodes) for episodes in zones]),
+    )
+    estimator = Estimator(evidence, layout, prior, errors)
+    hint_m = np.full((int(first[-1]), 2), np.nan)
+    for z, hints in enumerate(near):
+        for n, name in enumerate(ids[z]):
+            hint_m[first[z] + n] = hints.get(name, np.nan)
+    starts = _Starts(evidence, hint_m, config.solver.min_ranges)
+    start_m = starts.both_sides(estimator)
+    located = np.asarray(np.isfinite(start_m).all(axis=(1, 2)))
+    estimator.place(np.nan_to_num(start_m))
+    if not starts.are_near:
+        estimator.rough()
+        estimator.place(np.nan_to_num(starts.both_sides(estimator)))
+        estimator.rough(again=True)
+    fit = estimator.refine()
+    for _ in range(_MOST_EXTRA):
+        moving = located & (_best(fit.step, fit.loss) > _STILL)
+        moving = np.bincount(cone_zone, moving, minlength=len(zones)) > 0
+        if not moving.any():
+            break
+        before = estimator.state()
+        again = estimator.refine(1)
+        estimator.restart(before, ~moving)
+        fit = again.where(moving, cone_zone, fit)
+    count = _counted(heard, int(first[-1]))
+    return [
+        _places(zones[z], ids[z], fit.of(z, own), located[own], count[own], config)
+        for z, own in enumerate(map(slice, first[:-1], first[1:]))
+    ]
+
+
+def _best(values: Float64[Array, "N 2"], loss: Float64[Array, "N 2"]) -> Float64[Array, "N"]:
+    return np.asarray(values[np.arange(len(loss)), loss.argmin(axis=1)])
+
+
+def readings_of(episode: Episode) -> RangeReadings:
+    """Return an episode's readings at their own times, or its steps where there are none.
+
+    Parameters
+    ----------
+    episode
+        A run or a window of it.
+    """
+    if episode.own_times is not None:
+        return episode.own_times
+    step, anchor = np.nonzero(episode.valid)
+    range_m = episode.range_m[step, anchor]
+    if episode.calibration is not None:
+        range_m = range_m + episode.calibration.bias_m(range_m)
+    t_s, position_m, up_m = episode.t_s, episode.position_m, episode.tag_up_m
+    if len(t_s) == 1:  # a path has two ends
+        t_s, position_m = np.append(t_s, t_s + 1.0), np.repeat(position_m, 2, axis=0)
+        up_m = None if up_m is None else np.repeat(up_m, 2)
+    return RangeReadings(
+        t_s=episode.t_s[step],
+        anchor=anchor,
+        range_m=range_m,
+        trajectory=Trajectory(t_s, position_m, up_m),
+    )
+
+
+def _heard(episode: Episode, index: dict[str, int]) -> Heard:
+    n = episode.n_anchors
+    return Heard(
+        readings_of(episode),
+        np.array([index[name] for name in episode.anchor_ids], dtype=np.int64),
+        np.full(n, np.nan) if episode.anchor_up_m is None else episode.anchor_up_m,
+    )
+
+
+def _counted(heard: Sequence[Heard], n_cones: int) -> Int64[Array, "N"]:
+    count = np.zeros(n_cones, dtype=np.int64)
+    for each in heard:
+        np.add.at(count, each.cone[each.readings.anchor], 1)
+    return count
+
+
+def _clocks(
+    mean: Float64[Array, "Z S"], drive_zone: Int64[Array, "D"], n_drives: int
+) -> Float64[Array, "D"]:
+    slot = np.tile(np.arange(n_drives), len(mean))
+    return np.asarray(mean[drive_zone, RADIOS + DRIVE * slot])
+
+
+def _prior(
+    episodes: Sequence[Episode], config: PipelineConfig
+) -> tuple[Float64[Array, "S"], Float64[Array, "S S"]]:
+    """Return mean and precision of what the cones of a zone have in common."""
+    k = len(episodes)
+    known = episodes[0].run_errors
+    if k == 1 and known is not None:
+        return known.mean, np.linalg.inv(known.covariance)
+    size = RADIOS + DRIVE * k
+    mean, variance = np.zeros(size), np.zeros((size, size))
+    calibration, alignment = config.calibration, config.alignment
+    bias = calibration.range_bias == "auto"
+    variance[0, 0] = calibration.bias_sigma_m**2 if bias else 0.0
+    variance[1, 1] = calibration.bias_slope_sigma_m**2 if bias else 0.0
+    clocks = RADIOS + DRIVE * np.arange(k)
+    if alignment.clock_offset == "auto":
+        # What was applied already is an estimate; the prior is about no offset at all. An episode
+        # that no log was aligned to has one clock.
+        two = np.array([e.clock is not None for e in episodes])
+        mean[clocks] = [0.0 if e.clock is None else -e.clock.applied_s for e in episodes]
+        variance[np.ix_(clocks[two], clocks[two])] = alignment.clock_offset_sigma_s**2
+        variance[clocks[two], clocks[two]] += alignment.drive_offset_sigma_s**2 if k > 1 else 0.0
+    tag = clocks + 1
+    variance[tag, tag] = _TAG_BIAS_M**2 if k > 1 and bias else 0.0
+    for i in range(2, DRIVE):
+        variance[clocks + i, clocks + i] = _TAG_PATTERN_M**2
+    variance[np.diag_indices(size)] += _HELD**2
+    return mean, np.linalg.inv(variance)
+
+
+@dataclass(frozen=True)
+class _Starts:
+    """Where to seek cones: on both sides of the path, and near places that are known already.
+
+    Parameters
+    ----------
+    evidence
+        All readings.
+    near_m : (N, 2)
+        Places that replace the worse of both sides; NaN where there is none.
+    min_ranges
+        A cone with fewer readings is not located.
+    """
+
+    evidence: Sequence[Evidence]
+    near_m: Float64[Array, "N 2"]
+    min_ranges: int
+
+    @property
+    def are_near(self) -> bool:
+        """Whether places are known already, so that no step may lead far away from them."""
+        return bool(np.isfinite(self.near_m).any())
+
+    def both_sides(self, estimator: Estimator) -> Float64[Array, "N 2 2"]:
+        """Locate every cone by itself, with the clocks and the bias found by now."""
+        offset_s = estimator.offset_s
+        out = np.full((len(self.near_m), 2, 2), np.nan)
+        loss = np.zeros((len(self.near_m), 2))
+        options = SolverOptions(tolerance=1e-3, min_ranges=self.min_ranges)
+        for each in self.evidence:
+            if not len(each.cone):
+                continue
+            motion = each.motion(offset_s)
+            range_m = each.range_m - estimator.bias_m(each.cones[each.cone], each.range_m)
+            count = np.bincount(each.cone, minlength=len(each.cones))
+            slot = np.arange(int(count.max()))
+            there = slot < count[:, None]
+            first = np.cumsum(count) - count
+            row = np.argsort(each.cone, kind="stable")[np.where(there, first[:, None] + slot, 0)]
+            solved = solve(
+                motion.position_m[row],
+                np.where(there, range_m[row], np.nan)[:, None],
+                _SIGMA_M,
+                height_m=(motion.gap_m[row], np.zeros((len(count), 1))),
+                options=options,
+            )
+            out[each.cones] = solved.position_m[:, 0]
+            loss[each.cones] = np.nan_to_num(solved.negative_log_likelihood[:, 0])
+        known = np.isfinite(self.near_m[:, 0]) & np.isfinite(out[:, 0, 0])
+        out[known, loss[known].argmax(axis=1)] = self.near_m[known]
+        return out
+
+
+def _places(
+    episodes: Sequence[Episode],
+    ids: tuple[str, ...],
+    fit: ZoneFit,
+    located: Bool[Array, "n"],
+    count: Int64[Array, "n"],
+    config: PipelineConfig,
+) -> ZonePlaces:
+    """Return what the fit says of one zone."""
+    floor_m2 = config.solver.position_floor_m**2 * np.eye(2)
+    common_m2 = fit.shared_m @ np.swapaxes(fit.shared_m, -1, -2)
+    runs = 1.0 + (RUN - 1.0) * fit.outliers
+    own_m2 = runs[..., None, None] * (fit.covariance - common_m2)
+    covariance_m2 = own_m2 + common_m2 + floor_m2
+    covariance_m2[~located] = np.nan
+    hypotheses = Hypotheses(
+        position_m=np.where(located[:, None, None], fit.own[..., :2], np.nan),
+        covariance_m2=covariance_m2,
+        log_odds=np.where(located, np.ptp(fit.loss, axis=1) / (ALIKE * runs[:, 0]), 0.0),
+        own_bias_m=np.where(located, fit.own[:, 0, 2], 0.0),
+        n_ranges=count,
+        converged=~located | (fit.step[:, 0] < _STILL),
+        fits=~located | _fits(fit),
+        shared_m=fit.shared_m,
+        centre_m=_centres(episodes, ids),
+    )
+    errors = tuple(_drive_errors(fit, k) for k in range(len(episodes)))
+    return ZonePlaces(ids, hypotheses, errors, fit.outliers[:, 0], fit.noise[:, 0])
+
+
+def _fits(fit: ZoneFit) -> Bool[Array, "n"]:
+    """Return whether ranges err like those of working radios, if the cones stand there."""
+    sizes = fit.sizes[0]
+    slow_m = float(np.sqrt((sizes.field_m**2).sum()))
+    if max(sizes.noise_m, slow_m) > _MOST_M:
+        return np.zeros(len(fit.loss), dtype=np.bool_)
+    like_others = (fit.outliers[:, 0] < _MOST_OUTLIERS) & (fit.noise[:, 0] < _MOST_NOISE)
+    return np.asarray(like_others & (np.abs(fit.own[:, 0, 2]) < _MOST_DELAY_M))
+
+
+def _drive_errors(fit: ZoneFit, k: int) -> DriveErrors:
+    column = np.concatenate([np.arange(RADIOS), RADIOS + DRIVE * k + np.arange(DRIVE)])
+    return DriveErrors(
+        mean=fit.shared[0, column],
+        covariance=fit.shared_covariance[0][np.ix_(column, column)],
+        sizes=fit.sizes[0],
+    )
+
+
+def _centres(episodes: Sequence[Episode], ids: tuple[str, ...]) -> Float64[Array, "N 2"]:
+    """Return the middle of the stretches of path from which each cone was ranged."""
+    index = {name: n for n, name in enumerate(ids)}
+    total, weight = np.zeros((len(ids), 2)), np.zeros(len(ids))
+    for episode in episodes:
+        own = np.array([index[name] for name in episode.anchor_ids])
+        count = episode.valid.sum(axis=0) + 1e-9
+        total[own] += count[:, None] * path_centres(episode)
+        weight[own] += count
+    return np.asarray(total / weight[:, None])
+
+
+def with_run_errors(episode: Episode, places: ZonePlaces, config: AlignmentConfig) -> Episode:
+    """Return a whole run with what its readings say of its errors and its clock.
+
+    Parameters
+    ----------
+    episode
+        A whole run.
+    places
+        What was found of it alone.
+    config
+        As in :func:`with_clock`.
+
+    Returns
+    -------
+    Episode
+        With ``errors`` set, and the clock offset that was found together with the cones' positions.
+        The ranges are not shifted.
+    """
+    errors = places.errors[0]
+    found = with_clock(episode, errors, config)
+    mean = errors.mean.copy()
+    if found.clock is not None and episode.clock is not None:
+        mean[RADIOS] -= found.clock.applied_s - episode.clock.applied_s
+    return replace(found, errors=replace(errors, mean=mean))
+
+
+def with_clock(episode: Episode, errors: DriveErrors, config: AlignmentConfig) -> Episode:
+    """Return an episode with the clock offset that was found together with the cones' positions.
+
+    Parameters
+    ----------
+    episode
+        A run; its ranges are not shifted.
+    errors
+        What was found of its errors.
+    config
+        Whether the clock was to be estimated, and the offset's prior.
+    """
+    clock = episode.clock
+    if clock is None or config.clock_offset == "off":
+        return episode
+    left_s, sigma_s = float(errors.mean[RADIOS]), float(errors.covariance[RADIOS, RADIOS] ** 0.5)
+    reason = "estimated together with the cones' positions"
+    if sigma_s > _UNKNOWN * config.clock_offset_sigma_s:
+        reason = "the drive is too straight and too steady to determine it"
+    if abs(left_s) < _SIGNIFICANT * sigma_s:  # the ranges stay where they are
+        return replace(episode, clock=ClockOffset(clock.offset_s, sigma_s, clock.applied, reason))
+    offset_s = clock.applied_s + left_s
+    return replace(episode, clock=ClockOffset(offset_s, sigma_s, True, reason))
