@@ -247,3 +247,11 @@ def test_cones_close_to_a_path_that_changes_lanes_are_located() -> None:
         (places,) = find_places([[prepare(scene.without_truth())]])
         off_m = np.linalg.norm(places.hypotheses.position_m - true_m[:, None], axis=2)
         assert off_m.min(axis=1).max() < 1.0, seed
+
+
+def test_a_radio_clock_that_runs_fast_is_not_taken_for_a_range_bias() -> None:
+    scene = simulate_pass(PRESETS["lane-closure"], seed=1).without_truth()
+    log = scene.ranges
+    fast = replace(log, t_s=log.t_s[0] + 1.01 * (log.t_s - log.t_s[0]))
+    result = reconstruct(replace(scene, ranges=fast))
+    assert result.status is ReconstructionStatus.UNRELIABLE

@@ -59,6 +59,7 @@ from gaia_uwb.zone import (
 
 _MISFIT_M = 1.0  # ranges of a working radio on a known path err by less
 _BIAS_SIGMA = 4.0  # no radio has a range bias this many prior standard deviations from 0
+_GROWTH_SIGMA = 2.0  # no radio's bias grows with distance by this many of them
 _MOST_PATTERN_M = 0.15  # nor does a tag err by more with the direction from the vehicle
 _CAUSES = (ReasonKind.MISFIT, ReasonKind.CLOCK, ReasonKind.RANGE_BIAS)  # of what fits no place
 
@@ -94,7 +95,9 @@ def _prepare(scene: Scene, config: PipelineConfig, *, alone: bool) -> Episode:
         found = calibrate(found, config.calibration, config.solver)
     offset_s = _applied_s(found)
     gap_s = config.alignment.max_pose_gap_s
-    problems = log_problems(scene, offset_s, max_gap_s=gap_s, unexplained=places.unexplained())
+    problems = log_problems(
+        scene, offset_s, max_gap_s=gap_s, unexplained=_unexplained(places, config)
+    )
     return replace(found, problems=(*problems, *found.problems))
 
 
@@ -277,11 +280,23 @@ def reconstruct_episodes(
     return results
 
 
+def _unexplained(places: ZonePlaces, config: PipelineConfig) -> tuple[str, ...]:
+    """Return the cones whose ranges no position of working radios explains.
+
+    That is all of them where the ranges grow with the distance as those of no radio do: a clock
+    that drifts is taken up by such a growth.
+    """
+    growth_m = abs(float(places.errors[0].mean[1]))
+    if growth_m > _GROWTH_SIGMA * max(config.calibration.bias_slope_sigma_m, 1e-9):
+        return places.anchor_ids
+    return places.unexplained()
+
+
 def _as_fused(
     episode: Episode, errors: DriveErrors, places: ZonePlaces, config: PipelineConfig
 ) -> Episode:
     """Return a pass with what all passes together say of its clock, its errors and its problems."""
-    unexplained = set(places.unexplained())
+    unexplained = set(_unexplained(places, config))
     most = len(unexplained) > 0.5 * len(places.anchor_ids)
     problems = tuple(
         problem
