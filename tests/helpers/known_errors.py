@@ -59,6 +59,18 @@ class Errors:
     offset_s: float = 0.0
 
 
+WORKING = Errors(
+    noise_m=0.06,
+    field_m=0.015,
+    delay_m=0.03,
+    pattern_m=0.02,
+    outlier_share=0.05,
+    bias_m=0.15,
+    offset_s=0.1,
+)
+"""What working radios do."""
+
+
 def straight(
     north_m: float = 0.0, *, half_m: float = 30.0, speed_mps: float = 5.0, back: bool = False
 ) -> Trajectory:

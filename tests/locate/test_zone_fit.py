@@ -12,20 +12,10 @@ from gaia_uwb.locate.slow_errors import DRIVE, RADIOS
 from gaia_uwb.locate.zone_fit import SIZES
 from gaia_uwb.locate.zone_places import find_places
 from gaia_uwb.scene import Trajectory
-from known_errors import CONES_M, Errors, laps, make_drive, straight, u_turn, with_readings
+from known_errors import CONES_M, WORKING, Errors, laps, make_drive, straight, u_turn, with_readings
 
 PURE = PipelineConfig(denoiser="raw", solver=SolverConfig(position_floor_m=0.0))
 """No floor, so that the fit's own covariances are looked at."""
-RADIOS_ERR = Errors(
-    noise_m=0.06,
-    field_m=0.015,
-    delay_m=0.03,
-    pattern_m=0.02,
-    outlier_share=0.05,
-    bias_m=0.15,
-    offset_s=0.1,
-)
-"""What working radios do."""
 NINETY = chi2.ppf(0.9, df=2)
 
 
@@ -118,7 +108,7 @@ def test_exact_heights_are_allowed_for():
     [(0.0, (1234.5, -77.7)), (0.0, (4e4, -3e4)), (np.pi / 2, (0.0, 0.0)), (0.7, (10.0, 5.0))],
 )
 def test_another_frame_turns_and_shifts_places_and_covariances(turn_rad, shift_m):
-    drive = make_drive(u_turn(), CONES_M, RADIOS_ERR, seed=3)
+    drive = make_drive(u_turn(), CONES_M, WORKING, seed=3)
     other, turn = moved(drive, turn_rad, shift_m)
     one, two = fitted(drive), fitted(other)
     back_m = (two.hypotheses.position_m[:, 0] - shift_m) @ turn
@@ -131,14 +121,14 @@ def test_another_frame_turns_and_shifts_places_and_covariances(turn_rad, shift_m
 
 
 def test_another_origin_of_time_changes_nothing():
-    drive = make_drive(u_turn(), CONES_M, RADIOS_ERR, seed=3)
+    drive = make_drive(u_turn(), CONES_M, WORKING, seed=3)
     one, two = fitted(drive), fitted(moved(drive, shift_s=1.75e9)[0])
     assert np.abs(one.hypotheses.position_m - two.hypotheses.position_m).max() < 1e-5
     assert clock(one) == pytest.approx(clock(two), abs=1e-5)
 
 
 def test_neither_order_of_readings_nor_names_matter():
-    drive = make_drive(u_turn(), CONES_M, RADIOS_ERR, seed=3)
+    drive = make_drive(u_turn(), CONES_M, WORKING, seed=3)
     own, rng = drive.own_times, np.random.default_rng(0)
     rows, column = rng.permutation(len(own.t_s)), np.array([4, 0, 5, 2, 1, 3])
     position = np.argsort(column)  # anchor k is now in column position[k]
@@ -163,7 +153,7 @@ def test_neither_order_of_readings_nor_names_matter():
 
 
 def test_opposite_directions_resolve_an_unknown_clock():
-    errors = replace(RADIOS_ERR, offset_s=0.3)
+    errors = replace(WORKING, offset_s=0.3)
     for seed in range(2):
         found = fitted(*two_ways(errors, seed))
         for number in (0, 1):
@@ -176,8 +166,8 @@ def test_opposite_directions_resolve_an_unknown_clock():
 def test_a_drive_with_a_clock_of_its_own_learns_it_from_the_cones():
     config = PURE.model_copy(update={"alignment": AlignmentConfig(drive_offset_sigma_s=0.5)})
     drives = [
-        make_drive(u_turn(), CONES_M, RADIOS_ERR, seed=2),
-        make_drive(straight(-3.6), CONES_M, replace(RADIOS_ERR, offset_s=-0.3), seed=2, number=1),
+        make_drive(u_turn(), CONES_M, WORKING, seed=2),
+        make_drive(straight(-3.6), CONES_M, replace(WORKING, offset_s=-0.3), seed=2, number=1),
     ]
     found = fitted(*drives, config=config)
     for number, offset_s in enumerate((0.1, -0.3)):
@@ -213,7 +203,7 @@ COVERED = {
     "slow": (Errors(noise_m=0.03, field_m=0.05), 0.3),
     "delays": (Errors(noise_m=0.05, delay_m=0.15), 0.12),
     "outliers": (Errors(noise_m=0.05, outlier_share=0.3, outlier_m=3.0), 0.12),
-    "all": (RADIOS_ERR, 0.3),
+    "all": (WORKING, 0.3),
 }
 
 
@@ -229,7 +219,7 @@ def test_nine_of_ten_cones_stand_in_their_90_percent_ellipses(kind):
 
 
 def test_more_laps_are_no_surer_than_delays_and_patterns_leave_them():
-    errors = replace(RADIOS_ERR, noise_m=0.1, delay_m=0.05, pattern_m=0.03, outlier_share=0.0)
+    errors = replace(WORKING, noise_m=0.1, delay_m=0.05, pattern_m=0.03, outlier_share=0.0)
     cones_m = CONES_M[1:5]
 
     def zones(n):
@@ -244,7 +234,7 @@ def test_more_laps_are_no_surer_than_delays_and_patterns_leave_them():
 
 
 def test_sizes_of_errors_are_found():
-    errors = replace(RADIOS_ERR, field_m=0.03)
+    errors = replace(WORKING, field_m=0.03)
     found = find_places([[make_drive(laps(2), CONES_M, errors, seed=s)] for s in range(3)], PURE)
     sizes = [places.errors[0].sizes for places in found]
     mean = {name: np.mean([getattr(each, name) for each in sizes]) for name in SIZES}
@@ -255,7 +245,7 @@ def test_sizes_of_errors_are_found():
 
 
 def test_sizes_that_a_run_found_hold_in_its_windows():
-    drive = make_drive(u_turn(), CONES_M, RADIOS_ERR, seed=2)
+    drive = make_drive(u_turn(), CONES_M, WORKING, seed=2)
     places = fitted(drive)
     window = replace(drive, errors=places.errors[0]).window(40, 100)
     assert window.run_errors is places.errors[0]
@@ -266,7 +256,7 @@ def test_sizes_that_a_run_found_hold_in_its_windows():
 
 
 def test_errors_that_cones_share_are_a_part_of_their_covariances():
-    found = fitted(*two_ways(RADIOS_ERR, 1)).hypotheses
+    found = fitted(*two_ways(WORKING, 1)).hypotheses
     shared_m2 = found.shared_m @ np.swapaxes(found.shared_m, -1, -2)
     assert found.shared_m.shape == (6, 2, 2, RADIOS + 2 * DRIVE)
     left_m2 = found.covariance_m2 - shared_m2

@@ -10,18 +10,9 @@ from gaia_uwb.episode import ClockOffset
 from gaia_uwb.locate.hypotheses import Hypotheses
 from gaia_uwb.locate.slow_errors import RADIOS
 from gaia_uwb.locate.zone_places import find_places, readings_of, with_clock, with_run_errors
-from known_errors import CONES_M, Errors, laps, make_drive, straight, u_turn, with_readings
+from known_errors import CONES_M, WORKING, Errors, laps, make_drive, straight, u_turn, with_readings
 
 PURE = PipelineConfig(denoiser="raw", solver=SolverConfig(position_floor_m=0.0))
-RADIOS_ERR = Errors(
-    noise_m=0.06,
-    field_m=0.015,
-    delay_m=0.03,
-    pattern_m=0.02,
-    outlier_share=0.05,
-    bias_m=0.15,
-    offset_s=0.1,
-)
 
 
 def fitted(*drives, config=PURE):
@@ -34,8 +25,8 @@ def error_m(places, cones_m=CONES_M):
 
 def there_and_back(seed=0, cones_m=CONES_M, back_m=CONES_M):
     return [
-        make_drive(straight(0.0), cones_m, RADIOS_ERR, seed=seed),
-        make_drive(straight(-3.6, back=True), back_m, RADIOS_ERR, seed=seed, number=1),
+        make_drive(straight(0.0), cones_m, WORKING, seed=seed),
+        make_drive(straight(-3.6, back=True), back_m, WORKING, seed=seed, number=1),
     ]
 
 
@@ -60,11 +51,11 @@ def without(drive, anchor, but_for=0):
 
 def test_many_zones_at_once_are_each_as_if_alone():
     zones = [
-        [make_drive(u_turn(), CONES_M, RADIOS_ERR, seed=0)],
-        [make_drive(straight(), CONES_M[:3], RADIOS_ERR, seed=1)],
+        [make_drive(u_turn(), CONES_M, WORKING, seed=0)],
+        [make_drive(straight(), CONES_M[:3], WORKING, seed=1)],
         there_and_back(2, CONES_M, CONES_M[:4]),
-        [make_drive(laps(2), CONES_M[:2] + 500.0, RADIOS_ERR, seed=5)],
-        [without(make_drive(u_turn(), CONES_M[:3], RADIOS_ERR, seed=6), 1)],
+        [make_drive(laps(2), CONES_M[:2] + 500.0, WORKING, seed=5)],
+        [without(make_drive(u_turn(), CONES_M[:3], WORKING, seed=6), 1)],
     ]
     for zone, places in zip(zones, find_places(zones, PURE), strict=True):
         assert_same(find_places([zone], PURE)[0], places)
@@ -72,15 +63,15 @@ def test_many_zones_at_once_are_each_as_if_alone():
 
 def test_a_zone_without_hints_does_not_care_for_those_of_another():
     zones = [
-        [make_drive(u_turn(), CONES_M, RADIOS_ERR, seed=0)],
-        [make_drive(straight(), CONES_M[:3], RADIOS_ERR, seed=1)],
+        [make_drive(u_turn(), CONES_M, WORKING, seed=0)],
+        [make_drive(straight(), CONES_M[:3], WORKING, seed=1)],
     ]
     one, _ = find_places(zones, PURE, near=[{}, {"cone-0": CONES_M[0]}])
     assert_same(find_places(zones[:1], PURE)[0], one)
 
 
 def test_one_of_the_places_is_sought_near_the_hint():
-    drive = make_drive(u_turn(), CONES_M, RADIOS_ERR, seed=0)
+    drive = make_drive(u_turn(), CONES_M, WORKING, seed=0)
     free = fitted(drive)
     hints = {"cone-1": CONES_M[1] + [0.5, -0.3], "somebody-else": np.zeros(2)}
     (near,) = find_places([[drive]], PURE, near=[hints])
@@ -91,8 +82,8 @@ def test_one_of_the_places_is_sought_near_the_hint():
 
 def test_a_zone_of_one_drive_is_the_case_of_one():
     """A second drive that heard next to nothing changes next to nothing."""
-    drive = make_drive(u_turn(), CONES_M, RADIOS_ERR, seed=0)
-    other = make_drive(u_turn(), CONES_M, RADIOS_ERR, seed=0, number=1)
+    drive = make_drive(u_turn(), CONES_M, WORKING, seed=0)
+    other = make_drive(u_turn(), CONES_M, WORKING, seed=0, number=1)
     silent = with_readings(other, np.zeros(len(other.own_times.t_s), dtype=np.bool_))
     one, two = fitted(drive), fitted(drive, silent)
     a, b = one.hypotheses, two.hypotheses
@@ -139,7 +130,7 @@ def test_fewer_readings_than_asked_for_locate_nothing(min_ranges):
     config = PURE.model_copy(
         update={"solver": SolverConfig(min_ranges=min_ranges, position_floor_m=0.0)}
     )
-    drive = make_drive(u_turn(), CONES_M[:3], RADIOS_ERR, seed=0)
+    drive = make_drive(u_turn(), CONES_M[:3], WORKING, seed=0)
     few = fitted(without(drive, 1, but_for=min_ranges - 1), config=config).hypotheses
     assert np.isnan(few.position_m[1]).all()
     assert np.isnan(few.covariance_m2[1]).all()
@@ -152,7 +143,7 @@ def test_fewer_readings_than_asked_for_locate_nothing(min_ranges):
 
 @pytest.mark.parametrize("from_origin_m", [0.0, 1000.0])
 def test_cones_that_are_hardly_heard_change_nothing(from_origin_m):
-    drive = make_drive(u_turn(), np.tile(CONES_M, (6, 1)) + from_origin_m, RADIOS_ERR)
+    drive = make_drive(u_turn(), np.tile(CONES_M, (6, 1)) + from_origin_m, WORKING)
     path = drive.own_times.trajectory
     path = replace(path, position_m=path.position_m + from_origin_m)
     drive = replace(
@@ -179,7 +170,7 @@ def test_nothing_heard_is_nothing_located():
 
 
 def test_ranges_that_no_place_explains_are_named():
-    drive = make_drive(u_turn(), CONES_M, RADIOS_ERR, seed=2)
+    drive = make_drive(u_turn(), CONES_M, WORKING, seed=2)
     own = drive.own_times
     rng = np.random.default_rng(0)
     wild_m = np.where(own.anchor == 3, rng.uniform(2.0, 30.0, len(own.t_s)), own.range_m)
@@ -206,7 +197,7 @@ def test_a_window_of_one_step_has_readings():
 
 
 def test_a_run_gets_the_clock_that_was_found_with_its_cones():
-    drive = make_drive(u_turn(), CONES_M, replace(RADIOS_ERR, offset_s=0.3), seed=2)
+    drive = make_drive(u_turn(), CONES_M, replace(WORKING, offset_s=0.3), seed=2)
     config = AlignmentConfig()
     aligned = replace(drive, clock=ClockOffset(0.25, 0.1, True, "a first look"))
     own = drive.own_times

@@ -56,14 +56,13 @@ RUN = 10.0
 ALIKE = 4.0
 """Errors are alike in ways that no model holds: what adds up over many readings counts a quarter.
 
-Of places that the ranges of short windows preferred to their mirror images by a log evidence of 4
-to 12, a quarter was wrong (``outdoor-uwb``, ``lias``, presets straight and lane-closure)."""
+``benchmarks/quality/side_odds.py`` shows how often sides are wrong at which odds."""
 # What radios have: sizes in metres, and for how many degrees of freedom that counts.
 _FIELD_M, _FIELD_WORTH = 0.015, 3.0
 _DELAY_M, _DELAY_WORTH = 0.03, 4.0
 _PATTERN_M, _PATTERN_WORTH = 0.02, 16.0
 
-_BY_CONE = ("own", "covariance", "shared_m", "loss", "weight", "step", "outliers", "noise")
+_BY_CONE = ("own", "covariance", "shared_m", "loss", "step", "outliers", "noise")
 _BY_ZONE = ("shared", "shared_covariance")
 
 RADIO_SIZES = ErrorSizes(
@@ -106,8 +105,6 @@ class ZoneFit:
         How each place moves with one standard deviation of what is shared; part of ``covariance``.
     loss : (N, 2)
         Negative log evidence of each side.
-    weight : (N, 2)
-        Probability of each side by the ranges of this cone alone.
     shared : (Z, S)
         Estimates of what is shared.
     shared_covariance : (Z, S, S)
@@ -126,7 +123,6 @@ class ZoneFit:
     covariance: Float64[Array, "N 2 2 2"]
     shared_m: Float64[Array, "N 2 2 S"]
     loss: Float64[Array, "N 2"]
-    weight: Float64[Array, "N 2"]
     shared: Float64[Array, "Z S"]
     shared_covariance: Float64[Array, "Z S S"]
     sizes: list[ErrorSizes]
@@ -166,16 +162,7 @@ class ZoneFit:
             The other fit.
         """
         chosen = {}
-        for name in (
-            "own",
-            "covariance",
-            "shared_m",
-            "loss",
-            "weight",
-            "step",
-            "outliers",
-            "noise",
-        ):
+        for name in _BY_CONE:
             mine, other = getattr(self, name), getattr(otherwise, name)
             cones = zones[cone_zone].reshape(-1, *[1] * (mine.ndim - 1))
             chosen[name] = np.where(cones, mine, other)
@@ -404,7 +391,6 @@ class Estimator:
             covariance=places_m2,
             shared_m=shared_m,
             loss=loss,
-            weight=self._weight,
             shared=self._shared.copy(),
             shared_covariance=honest,
             sizes=[ErrorSizes(**{k: sizes[k][z] for k in SIZES}) for z in range(len(off))],
