@@ -255,10 +255,15 @@ class RangeReadings:
             Times in the trajectory's clock.
         """
         path = self.trajectory
-        position_m = np.stack([np.interp(t_s, path.t_s, x) for x in path.position_m.T], axis=1)
+        # East and north as one complex number: one search serves both.
+        place_m = np.ascontiguousarray(path.position_m).view(np.complex128)[:, 0]
+        at_m = np.interp(t_s, path.t_s, place_m)
+        position_m = at_m.view(np.float64).reshape(-1, 2)
         for end, inner in ((0, _inside(path.t_s, 0)), (-1, _inside(path.t_s, -1))):
             beyond_s = t_s - path.t_s[end]
             beyond = beyond_s < 0.0 if end == 0 else beyond_s > 0.0
+            if not beyond.any():
+                continue
             step_m = path.position_m[inner] - path.position_m[end]
             velocity_mps = step_m / (path.t_s[inner] - path.t_s[end])
             position_m[beyond] += beyond_s[beyond, None] * velocity_mps

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import lgamma, log, pi
 
 import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, Int64
-from gaia_uwb.locate.evidence import PARKED_MPS, Evidence
+from gaia_uwb.locate.evidence import Evidence, Motion
+from gaia_uwb.locate.range_model import Guess, linearise
 
 OWN = 5
 """Unknowns of a cone: east, north, delay, and the cosine and sine of its pattern."""
@@ -25,16 +25,11 @@ RADIOS = 2
 DRIVE = 6
 """Unknowns of a drive: clock offset, bias of its tag, and four of its tag's pattern."""
 _COLUMNS = OWN + RADIOS + DRIVE
-_DOF = 4.0  # of the white noise's Student-t distribution
-_LOG_T = lgamma((_DOF + 1) / 2) - lgamma(_DOF / 2) - 0.5 * log(_DOF * pi)
-# Scales of what readings without line of sight are too long by, and how common they are; the
-# second is for readings that are not of this cone at all.
-_OUTLIER_M, _OUTLIER_SHARE = np.array([1.0, 50.0]), np.array([0.9, 0.1])
-_TOO_SHORT = 0.1  # share of the outliers that are too short instead
+_VARYING = [0, 1, 3, 4, 6, 7, 9, 10, 11, 12, 13]  # columns that are not the same everywhere
 SCALES_M = (1.0, 4.0, 16.0, 64.0)
 """Correlation lengths of the slow errors."""
 _GROUP = 128  # blocks worked on together
-_NEAREST_M = 0.5  # below this a range bias does not grow any more
+_STRETCH = 8192  # readings worked on together: a processor's cache holds all that comes of them
 
 
 @dataclass
@@ -125,13 +120,28 @@ class SlowErrors:
     def __init__(self, evidence: Evidence, offset_s: Float64[Array, "D"]) -> None:
         self.evidence = evidence
         n_cells = len(evidence.cell_block)
-        count = np.bincount(evidence.cell, minlength=n_cells)
+        self._block = evidence.cell_block[evidence.cell]
+        self._n_readings = np.bincount(
+            evidence.block_cone[self._block], minlength=len(evidence.cones)
+        )
+        self._first_row = np.searchsorted(evidence.cell, np.arange(n_cells + 1))
+        self._stretches = list(self._cut())
         position_m = evidence.motion(offset_s).position_m
+        count = np.diff(self._first_row)
         self._middle_m = np.stack(
             [np.bincount(evidence.cell, x, minlength=n_cells) / count for x in position_m.T], axis=1
         )
         self._groups = list(self._grouped())
         self.forget()
+
+    def _cut(self) -> Iterator[tuple[slice, slice]]:
+        """Yield cells, and their rows, that are worked on together."""
+        first, last = 0, len(self._first_row) - 1
+        while first < last:
+            end = self._first_row[first] + _STRETCH
+            stop = max(int(np.searchsorted(self._first_row, end, side="right")) - 1, first + 1)
+            yield slice(first, stop), slice(*self._first_row[[first, stop]].tolist())
+            first = stop
 
     def _grouped(self) -> Iterator[_Group]:
         """Yield groups of blocks with their kernels."""
@@ -201,65 +211,45 @@ class SlowErrors:
         noise_m, outlier_share : (n,)
             White noise and share of outliers in each cone's zone.
         """
-        evidence = self.evidence
-        motion = evidence.motion(offset_s)
-        cone = evidence.cone
-        speed_mps = np.hypot(motion.velocity_mps[:, 0], motion.velocity_mps[:, 1])
-        course = np.arctan2(motion.velocity_mps[:, 1], motion.velocity_mps[:, 0])
-        moving = speed_mps > PARKED_MPS
-        sigma_m = noise_m[cone]
-        slot = RADIOS + DRIVE * drive_slot[evidence.drive]
+        evidence, motion = self.evidence, self.evidence.motion(offset_s)
+        cone = evidence.block_cone
+        slot = RADIOS + DRIVE * drive_slot[evidence.block_drive]
         bias_m, growth_m = shared[cone, 0] + shared[cone, slot + 1], shared[cone, 1]
-        pattern = [shared[cone, slot + 2 + i] for i in range(4)]
-        n_cells, n = len(evidence.cell_block), len(evidence.cones)
+        pattern_m = shared[cone[:, None], slot[:, None] + np.arange(2, DRIVE)]
+        same = np.column_stack([bias_m, growth_m, noise_m[cone], outlier_share[cone], pattern_m]).T
+        own_m = own[cone].transpose(1, 2, 0)  # (2, 5, B)
+        n_cells = len(evidence.cell_block)
         self._mean = np.empty((2, n_cells, _COLUMNS + 1))
+        self._mean[..., [2, 5, 8]] = 1.0  # delay, range bias, bias of the tag
         self._information = np.empty((2, n_cells))
-        self._loss, self._count = np.empty((2, n)), np.empty((2, n))
-        self._outliers, self._squares = np.empty((2, n)), np.empty((2, n))
-        for side in (0, 1):
-            own_ = own[cone, side]
-            east_m = own_[:, 0] - motion.position_m[:, 0]
-            north_m = own_[:, 1] - motion.position_m[:, 1]
-            distance_m = np.sqrt(east_m**2 + north_m**2 + motion.gap_m**2) + 1e-9
-            flat_m = np.hypot(east_m, north_m) + 1e-9
-            cosine, sine = east_m / flat_m, north_m / flat_m
-            decades = np.log10(np.maximum(distance_m, _NEAREST_M) / 10.0)
-            turned = np.arctan2(north_m, east_m) - course
-            harmonics = [moving * f(i * turned) for i in (1, 2) for f in (np.cos, np.sin)]
-            ux, uy = east_m / distance_m, north_m / distance_m
-            columns = [
-                ux, uy, cosine, sine, decades,
-                ux * motion.velocity_mps[:, 0] + uy * motion.velocity_mps[:, 1], *harmonics,
-            ]  # fmt: skip
-            residual_m = evidence.range_m - distance_m - own_[:, 2] - bias_m
-            residual_m -= own_[:, 3] * cosine + own_[:, 4] * sine + growth_m * decades
-            residual_m -= sum(a * b for a, b in zip(pattern, harmonics, strict=True))
-            left_m = residual_m - self._slow_m[side, evidence.cell]
-            square = (left_m**2 + self._variance_m2[side, evidence.cell]) / sigma_m**2
-            weight = (_DOF + 1.0) / (_DOF + square)
-            inlier, loss = _mixture(left_m, sigma_m, outlier_share[cone])
-            weight *= inlier
-            information = weight / sigma_m**2
-
-            def by_cell(values: Array, information: Array = information) -> Array:
-                return np.bincount(evidence.cell, information * values, minlength=n_cells)
-
-            total = np.bincount(evidence.cell, information, minlength=n_cells)
-            total = np.maximum(total, 1e-9)
-            mean = self._mean[side]
-            mean[:, [2, 5, 8]] = 1.0  # delay, range bias, bias of the tag
-            for column, values in zip((0, 1, 3, 4, 6, 7, 9, 10, 11, 12), columns, strict=True):
-                mean[:, column] = by_cell(values) / total
-            mean[:, -1] = by_cell(residual_m) / total
-            self._information[side] = total
-
-            def by_cone(values: Array) -> Array:
-                return np.bincount(cone, values, minlength=n)
-
-            self._loss[side] = by_cone(loss)
-            self._count[side] = by_cone(np.ones(len(cone)))
-            self._outliers[side] = by_cone(1.0 - inlier)
-            self._squares[side] = by_cone(weight * square)
+        tallies = np.empty((2, 3, n_cells))
+        for cells, rows in self._stretches:
+            part = Motion(motion.position_m[rows], motion.velocity_mps[rows], motion.gap_m[rows])
+            block, cell = self._block[rows], evidence.cell[rows]
+            first = self._first_row[cells] - rows.start
+            bias_m, growth_m, noise, share, *pattern = same[:, block]
+            for side in (0, 1):
+                guess = Guess(
+                    own=own_m[side][:, block],
+                    bias_m=bias_m,
+                    growth_m=growth_m,
+                    pattern_m=pattern,
+                    noise_m=noise,
+                    outlier_share=share,
+                    slow_m=self._slow_m[side, cell],
+                    variance_m2=self._variance_m2[side, cell],
+                )
+                found = linearise(part, evidence.range_m[rows], guess)
+                told = np.stack([found.information, *found.derivatives, found.residual_m])
+                told[1:] *= found.information
+                total, *sums = np.add.reduceat(told, first, axis=1)
+                self._information[side, cells] = total = np.maximum(total, 1e-9)
+                self._mean[side, cells][:, _VARYING] = (np.asarray(sums) / total).T
+                tally = np.stack([found.loss, found.outlier, found.square])
+                tallies[side, :, cells] = np.add.reduceat(tally, first, axis=1)
+        cone, n = cone[evidence.cell_block], len(evidence.cones)
+        by_cone = [[np.bincount(cone, x, minlength=n) for x in side] for side in tallies]
+        self._loss, self._outliers, self._squares = np.swapaxes(by_cone, 0, 1)
 
     def add_to(
         self, sums: Sums, field_m: Float64[Array, "n L"], drive_slot: Int64[Array, "D"]
@@ -279,7 +269,7 @@ class SlowErrors:
         cones = evidence.cones
         self._solved = []
         sums.loss[cones] += self._loss.T
-        sums.count[cones] += self._count.T
+        sums.count[cones] += self._n_readings[:, None]
         sums.outliers[cones] += self._outliers.T
         sums.squares[cones] += self._squares.T
         for group in self._groups:
@@ -375,16 +365,3 @@ class SlowErrors:
         total = np.zeros((len(self.evidence.cones), *self._explained.shape[:1], len(SCALES_M)))
         np.add.at(total, self.evidence.block_cone, np.moveaxis(self._explained, 0, 1))
         return total
-
-
-def _mixture(
-    left_m: Float64[Array, "R"], sigma_m: Float64[Array, "R"], share: Float64[Array, "R"]
-) -> tuple[Float64[Array, "R"], Float64[Array, "R"]]:
-    """Return the probability of each residual's being no outlier, and its negative log density."""
-    scaled = (left_m / sigma_m) ** 2
-    inside = (1.0 - share) * np.exp(_LOG_T - 0.5 * (_DOF + 1.0) * np.log1p(scaled / _DOF)) / sigma_m
-    kind = np.where(left_m > 0.0, 1.0 - _TOO_SHORT, _TOO_SHORT)
-    size_m = np.abs(left_m)[..., None] / _OUTLIER_M
-    outside = share * kind * (_OUTLIER_SHARE * np.exp(-size_m) / _OUTLIER_M).sum(axis=-1)
-    total = np.maximum(inside + outside, 1e-300)
-    return inside / total, -np.log(total)
