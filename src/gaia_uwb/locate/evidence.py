@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
@@ -25,6 +27,7 @@ _GROWTH = 1.3  # of cells, until there are few enough
 _VELOCITY_OVER_S = 0.5
 PARKED_MPS = 0.2  # below this the direction of travel is unknown
 _CHUNK_ROWS = 400_000  # readings worked on at a time
+Rows: TypeAlias = Array | slice
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,11 @@ class Evidence:
         offset_s : (D,)
             A reading stamped t belongs to the path at ``t - offset_s``.
         """
-        return _motion(self.drives, self.drive, self.t_s, self.up_m, offset_s)
+        return _motion(self.drives, self._rows, self.t_s, self.up_m, offset_s)
+
+    @cached_property
+    def _rows(self) -> list[tuple[int, Rows]]:
+        return _rows_by_drive(self.drive)
 
 
 @dataclass(frozen=True)
@@ -174,7 +181,7 @@ def _in_cells(
     offset_s: Float64[Array, "D"],
 ) -> Evidence:
     """Gather the readings of some cones in cells."""
-    motion = _motion(drives, drive, columns["t_s"], columns["up_m"], offset_s)
+    motion = _motion(drives, _rows_by_drive(drive), columns["t_s"], columns["up_m"], offset_s)
     code, block = np.unique(cone * len(drives) + drive, return_inverse=True)
     growth = np.ones(len(code))
     octave = np.floor(np.log2(np.maximum(columns["range_m"], _NEAREST_M)))
@@ -182,13 +189,14 @@ def _in_cells(
     course = np.arctan2(motion.velocity_mps[:, 1], motion.velocity_mps[:, 0])
     quarter = np.floor(course / (np.pi / 2) + 0.5) % 4
     quarter = np.where(speed_mps > PARKED_MPS, quarter, 4)
+    alike = _combined(_combined(block, quarter), octave)
     while True:
         size_m = _CELL * growth[block] * 2.0**octave
-        tile = np.floor(motion.position_m / size_m[:, None])
-        key = np.stack([block, quarter, octave, tile[:, 0], tile[:, 1]])
-        order = np.lexsort(key[::-1])
+        east, north = np.floor(motion.position_m / size_m[:, None]).T
+        tile = _combined(east, north)
+        order = np.lexsort((tile, alike))
         new = np.ones(len(order), dtype=np.bool_)
-        new[1:] = (key[:, order[1:]] != key[:, order[:-1]]).any(axis=0)
+        new[1:] = (np.diff(alike[order]) != 0.0) | (np.diff(tile[order]) != 0.0)
         cell_block = block[order[new]]
         too_many = np.bincount(cell_block, minlength=len(code)) > MOST_CELLS
         if not too_many.any():
@@ -209,9 +217,24 @@ def _in_cells(
     )
 
 
+def _combined(first: Array, second: Array) -> Float64[Array, "R"]:
+    """Return a number for each pair of whole numbers, in the order of the pairs."""
+    least, most = second.min(initial=0.0), second.max(initial=0.0)
+    return np.asarray(first * (most - least + 1.0) + (second - least))
+
+
+def _rows_by_drive(drive: Int64[Array, "R"]) -> list[tuple[int, Rows]]:
+    """Return each drive with its readings."""
+    if len(drive) and (drive == drive[0]).all():
+        return [(int(drive[0]), slice(None))]
+    order = np.argsort(drive, kind="stable")
+    parts = np.split(order, np.flatnonzero(np.diff(drive[order])) + 1)
+    return [(int(drive[rows[0]]), rows) for rows in parts if len(rows)]
+
+
 def _motion(
     drives: Sequence[RangeReadings],
-    drive: Int64[Array, "R"],
+    rows_by_drive: Sequence[tuple[int, Rows]],
     t_s: Float64[Array, "R"],
     up_m: Float64[Array, "R"],
     offset_s: Float64[Array, "D"],
@@ -219,20 +242,16 @@ def _motion(
     position_m, velocity_mps = np.empty((len(t_s), 2)), np.empty((len(t_s), 2))
     gap_m = np.zeros(len(t_s))
     half_s = _VELOCITY_OVER_S / 2
-    order = np.argsort(drive, kind="stable")
-    for own in np.split(order, np.flatnonzero(np.diff(drive[order])) + 1):
-        if not len(own):
-            continue
-        k = int(drive[own[0]])
+    for k, rows in rows_by_drive:
         path = drives[k].trajectory
-        at_s = t_s[own] - offset_s[k]
-        position_m[own] = drives[k].position_at(at_s)
+        at_s = t_s[rows] - offset_s[k]
+        position_m[rows] = drives[k].position_at(at_s)
         ahead_m, behind_m = (
             drives[k].position_at(at_s + half_s),
             drives[k].position_at(at_s - half_s),
         )
-        velocity_mps[own] = (ahead_m - behind_m) / _VELOCITY_OVER_S
+        velocity_mps[rows] = (ahead_m - behind_m) / _VELOCITY_OVER_S
         if path.up_m is not None:
             tag_m = np.interp(at_s, path.t_s, path.up_m)
-            gap_m[own] = np.nan_to_num(tag_m - up_m[own], nan=0.0)
+            gap_m[rows] = np.nan_to_num(tag_m - up_m[rows], nan=0.0)
     return Motion(position_m, velocity_mps, gap_m)

@@ -166,8 +166,8 @@ class SlowErrors:
         self._slow_m = np.zeros((2, n_cells))
         self._variance_m2 = np.zeros((2, n_cells))
         self._cost = np.zeros((2, n_blocks))
-        self._explained = np.zeros((2, n_blocks, len(SCALES_M)))
         self._solved: list[_Solved] = []
+        self._pulls: list[Float64[Array, "2 b M"]] = []
 
     def state(self) -> tuple[Array, ...]:
         """Return the slow errors as they are by now."""
@@ -227,10 +227,10 @@ class SlowErrors:
             part = Motion(motion.position_m[rows], motion.velocity_mps[rows], motion.gap_m[rows])
             block, cell = self._block[rows], evidence.cell[rows]
             first = self._first_row[cells] - rows.start
-            bias_m, growth_m, noise, share, *pattern = same[:, block]
+            bias_m, growth_m, noise, share, *pattern = same.take(block, axis=1)
             for side in (0, 1):
                 guess = Guess(
-                    own=own_m[side][:, block],
+                    own=own_m[side].take(block, axis=1),
                     bias_m=bias_m,
                     growth_m=growth_m,
                     pattern_m=pattern,
@@ -323,20 +323,21 @@ class SlowErrors:
         own_change, change : (n, 2, 5), (n, S)
             The step in each cone's own unknowns, and in what its zone shares.
         """
+        self._pulls = []
         for each in self._solved:
-            local = self.evidence.block_cone[each.group.block]
+            local, block = self.evidence.block_cone[each.group.block], each.group.block
             rest = np.take_along_axis(change[local], each.column, axis=1)
-            for side in (0, 1):
-                step = np.concatenate([own_change[local, side], rest], axis=1)[..., None]
-                pull = each.solved[side, :, :, -1] - (each.solved[side, :, :, :-1] @ step)[..., 0]
-                left_m = each.mean[side, :, :, -1] - (each.mean[side, :, :, :-1] @ step)[..., 0]
-                slow_m = left_m - each.noise_m2[side] * pull
-                cells = each.group.cell[each.group.there]
-                self._slow_m[side, cells] = slow_m[each.group.there]
-                self._variance_m2[side, cells] = each.left_m2[side][each.group.there]
-                self._cost[side, each.group.block] = 0.5 * (pull * slow_m).sum(axis=1)
-                explained = np.einsum("bi,blij,bj->bl", pull, each.group.kernel, pull)
-                self._explained[side, each.group.block] = explained * each.field2
+            step = np.empty((2, len(block), _COLUMNS, 1))
+            step[..., :OWN, 0] = np.swapaxes(own_change[local], 0, 1)
+            step[..., OWN:, 0] = rest
+            pull = each.solved[..., -1] - (each.solved[..., :-1] @ step)[..., 0]  # (2, b, M)
+            left_m = each.mean[..., -1] - (each.mean[..., :-1] @ step)[..., 0]
+            slow_m = left_m - each.noise_m2 * pull
+            cells = each.group.cell[each.group.there]
+            self._slow_m[:, cells] = slow_m[:, each.group.there]
+            self._variance_m2[:, cells] = each.left_m2[:, each.group.there]
+            self._cost[:, block] = 0.5 * (pull * slow_m).sum(axis=-1)
+            self._pulls.append(pull)
 
     def add_freedom(self, sums: Sums) -> None:
         """Add how many independent slow errors of each length the readings show.
@@ -362,6 +363,11 @@ class SlowErrors:
 
     def explained(self) -> Float64[Array, "n 2 L"]:
         """Return the squared slow errors of each cone and length, by their covariance."""
-        total = np.zeros((len(self.evidence.cones), *self._explained.shape[:1], len(SCALES_M)))
-        np.add.at(total, self.evidence.block_cone, np.moveaxis(self._explained, 0, 1))
+        total = np.zeros((len(self.evidence.cones), 2, len(SCALES_M)))
+        for each, pull in zip(self._solved, self._pulls, strict=True):
+            cone = self.evidence.block_cone[each.group.block]
+            for side in (0, 1):
+                own = pull[side][:, None, :, None]  # (b, 1, M, 1)
+                explained = (np.swapaxes(own, -1, -2) @ (each.group.kernel @ own))[..., 0, 0]
+                np.add.at(total[:, side], cone, explained * each.field2)
         return total
