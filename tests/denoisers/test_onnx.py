@@ -25,6 +25,12 @@ def test_it_takes_the_processors_it_may_use_and_no_more(
     assert session.get_session_options().intra_op_num_threads == threads
 
 
+def test_its_threads_sleep_while_there_is_no_work() -> None:
+    content = (find_model("gaia-set", "mixed") / ONNX).read_bytes()
+    options = start_session(content, "model.onnx").get_session_options()
+    assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"
+
+
 def test_what_is_no_network_is_refused_in_one_line() -> None:
     with pytest.raises(ConfigError, match=r"^here/model\.onnx: cannot run this model: .+$"):
         start_session(b"no network", "here/model.onnx")

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 _LARGEST = 1e12  # of an output: far beyond any, and its square is a number
 _SILENT = 4  # of what it logs, only what ends the process
 _FOLDER_OF_OTHER_FILES = "session.model_external_initializers_file_folder_path"
+# Threads that wait for work in a loop take as much of the processors as half the work itself.
+_WAIT_IN_A_LOOP = "session.intra_op.allow_spinning"
 _LONGEST_RUN_S = 600.0  # our own networks take seconds
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -205,6 +207,7 @@ def start_session(content: bytes, source: str) -> onnxruntime.InferenceSession:
     options.log_severity_level = _SILENT
     # Weights in other files would be in no checksum: they are looked for where no file can lie.
     options.add_session_config_entry(_FOLDER_OF_OTHER_FILES, os.devnull)
+    options.add_session_config_entry(_WAIT_IN_A_LOOP, "0")
     try:
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's own classes have no common base but this
