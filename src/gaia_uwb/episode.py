@@ -116,13 +116,23 @@ class RangeCalibration:
 
     def bias_m(self, range_m: Float64[Array, "*shape"]) -> Float64[Array, "*shape"]:
         """Return the bias of ranges of this length, in metres; NaN stays NaN."""
-        return np.asarray(bias_basis(range_m) @ self.bias)
+        bias_m = _decades(range_m)
+        bias_m *= self.bias[1]
+        bias_m += self.bias[0]
+        return bias_m
 
 
 def bias_basis(range_m: Float64[Array, "*shape"]) -> Float64[Array, "*shape 2"]:
     """Return (1, log10(d / 10 m)) of ranges in metres; below 0.5 m it stays as it is there."""
-    decades = np.log10(np.maximum(range_m, 0.5) / 10.0)
+    decades = _decades(range_m)
     return np.stack([np.ones_like(decades), decades], axis=-1)
+
+
+def _decades(range_m: Float64[Array, "*shape"]) -> Float64[Array, "*shape"]:
+    """Return log10(d / 10 m) with little memory: the ranges of a long log are hundreds of MB."""
+    decades = np.asarray(np.maximum(range_m, 0.5))
+    decades /= 10.0
+    return np.asarray(np.log10(decades, out=decades))
 
 
 @dataclass(frozen=True)

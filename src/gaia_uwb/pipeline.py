@@ -86,19 +86,22 @@ def _prepare(scene: Scene, config: PipelineConfig, *, alone: bool) -> Episode:
     """Prepare a log; where it is not ``alone``, its errors are found with those of the others."""
     episode = _without_hardly_heard(align(scene, config.alignment), config, alone=alone)
     places = find_places([[episode]], config)[0]
-    found = with_run_errors(episode, places, config.alignment)
-    if _applied_s(found) != _applied_s(episode):
-        again = align(scene, config.alignment, clock=found.clock)
-        again = _without_hardly_heard(again, config, alone=alone)
-        found = replace(again, errors=found.errors)
+    before_s = _applied_s(episode)
+    episode = with_run_errors(episode, places, config.alignment)
+    if _applied_s(episode) != before_s:
+        clock, errors = episode.clock, episode.errors
+        episode = _without_hardly_heard(
+            align(scene, config.alignment, clock=clock), config, alone=alone
+        )
+        episode = replace(episode, errors=errors)
     if config.calibration.range_bias == "auto":
-        found = calibrate(found, config.calibration, config.solver)
-    offset_s = _applied_s(found)
+        episode = calibrate(episode, config.calibration, config.solver)
+    offset_s = _applied_s(episode)
     gap_s = config.alignment.max_pose_gap_s
     problems = log_problems(
         scene, offset_s, max_gap_s=gap_s, unexplained=_unexplained(places, config)
     )
-    return replace(found, problems=(*problems, *found.problems))
+    return replace(episode, problems=(*problems, *episode.problems))
 
 
 def _applied_s(episode: Episode) -> float:
@@ -480,7 +483,7 @@ def log_reasons(episode: Episode, config: PipelineConfig = PipelineConfig()) -> 
     errors = episode.errors
     if errors is None or not episode.valid.any():
         return
-    decades = np.log10(float(np.nanmedian(episode.range_m)) / 10.0)
+    decades = np.log10(float(np.median(episode.range_m[episode.valid])) / 10.0)
     bias_m = float(errors.mean[0] + errors.mean[1] * decades + errors.mean[3])
     prior_m = config.calibration.bias_sigma_m
     if abs(bias_m) > _BIAS_SIGMA * max(prior_m, 1e-9):

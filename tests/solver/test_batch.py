@@ -49,6 +49,23 @@ def test_chunks_of_any_size_hold_every_anchor_once(monkeypatch):
     assert np.array_equal(whole.range_m[1, 3], episodes[1].range_m[:, 3], equal_nan=True)
 
 
+def test_steps_before_and_after_all_ranges_are_left_out_and_change_nothing():
+    episode = make_episode()
+    silent = np.full_like(episode.range_m, np.nan)
+    silent[20:45] = episode.range_m[20:45]
+    found = []
+    for each, range_m in ((episode, silent), (episode.window(20, 45), silent[20:45])):
+        sigma_m = np.where(np.isfinite(range_m), 0.1, np.nan)
+        (chunk,) = chunks([each], [range_m], [sigma_m])
+        assert chunk.range_m.shape == (1, 5, 25)
+        assert np.array_equal(chunk.position_m[0], episode.position_m[20:45])
+        found.append(chunk.solve(SolverOptions(), np.zeros(1)).position_m)
+    assert np.array_equal(*found)
+    nothing = np.full_like(silent, np.nan)
+    (chunk,) = chunks([episode], [nothing], [nothing])
+    assert chunk.range_m.shape == (1, 5, 60)
+
+
 def test_velocity_is_that_of_the_path():
     episode = make_episode()
     (chunk,) = chunks([episode], [episode.range_m], [sigma_of(episode)])

@@ -71,7 +71,9 @@ def calibrate(
         step = _newton_step(episode, bias, correlation, config, solver)
         bias, covariance, correlation = bias - step.change, step.covariance, step.correlation
     found = RangeCalibration(bias, covariance, step.sigma_m, correlation)
-    range_m = episode.range_m - found.bias_m(episode.range_m)
+    range_m = found.bias_m(episode.range_m)
+    np.subtract(episode.range_m, range_m, out=range_m)
+    range_m.flags.writeable = False  # so that the episode takes it without a copy
     return replace(episode, range_m=range_m, calibration=found)
 
 
@@ -100,7 +102,7 @@ def _newton_step(
     precision = 1.0 / own_sigma**2 if own_sigma[0] > 0 else np.zeros(1)
     information, gradient = np.zeros((2, 2)), np.zeros(2)
     correlations, scales = [], []
-    sigma = np.where(episode.valid, _SIGMA_M, np.nan)
+    sigma = np.broadcast_to(_SIGMA_M, episode.range_m.shape)
     for chunk in chunks([episode], [episode.range_m], [sigma]):
         solutions = chunk.solve(options, own_sigma, bias[None])
         side = better_side(solutions)

@@ -42,6 +42,16 @@ class Piece:
     heard: Int64[Array, "K"]
     own: Bool[Array, "K"]
 
+    def later(self, steps: int) -> Piece:
+        """Return the same piece of an episode that has so many more steps before it.
+
+        Parameters
+        ----------
+        steps
+            How many.
+        """
+        return replace(self, steps=slice(self.steps.start + steps, self.steps.stop + steps))
+
     def of(self, episode: Episode) -> Episode:
         """Return its part of an episode, without truth.
 
@@ -139,7 +149,7 @@ def put_together(
     found
         What the network said of each.
     """
-    range_m, sigma_m, weight = np.zeros((3, *episode.valid.shape))
+    range_m, sigma_m, weight = (np.zeros(episode.valid.shape) for _ in range(3))
     for piece, part in zip(pieces, found, strict=True):
         rows = np.ix_(np.arange(piece.steps.start, piece.steps.stop), piece.heard)
         length = piece.steps.stop - piece.steps.start
@@ -148,10 +158,13 @@ def put_together(
         range_m[rows] += share * np.nan_to_num(part.range_m)
         sigma_m[rows] += share * np.nan_to_num(part.sigma_m)
         weight[rows] += share
-    weight[weight == 0.0] = np.nan
+    with np.errstate(invalid="ignore"):  # 0 / 0 is NaN, which stands for no range
+        for values in (range_m, sigma_m):
+            np.divide(values, weight, out=values)
+            values.flags.writeable = False  # so that it is taken without a copy
     return DenoisedRanges(
-        range_m=range_m / weight,
-        sigma_m=sigma_m / weight,
+        range_m=range_m,
+        sigma_m=sigma_m,
         valid=episode.valid,
         zone=_one_zone(episode, pieces, found),
     )

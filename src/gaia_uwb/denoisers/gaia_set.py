@@ -79,11 +79,10 @@ class ZoneNetwork(Denoiser):
             heard = _heard(episode)
             if heard.stop - heard.start < _LEAST_STEPS:
                 found[k] = _as_measured(episode)
-            elif heard.stop - heard.start < episode.n_steps:
-                (cut,) = self([episode.window(heard.start, heard.stop)])
-                found[k] = _padded(cut, heard, episode)
-            elif _too_much(episode):
-                found[k] = self._in_pieces(episode)
+            elif _too_much(cut := episode.window(heard.start, heard.stop)):
+                found[k] = self._in_pieces(episode, heard)
+            elif cut.n_steps < episode.n_steps:
+                found[k] = _padded(self([cut])[0], heard, episode)
             else:
                 groups.setdefault((episode.n_steps, episode.n_anchors), []).append(k)
         for (n_steps, n_anchors), members in groups.items():
@@ -140,9 +139,11 @@ class ZoneNetwork(Denoiser):
             for b, episode in enumerate(episodes)
         ]
 
-    def _in_pieces(self, episode: Episode) -> DenoisedRanges:
+    def _in_pieces(self, episode: Episode, heard: slice) -> DenoisedRanges:
         """Denoise and locate piece by piece, one after another: memory for one."""
-        pieces = pieces_of(episode)
+        pieces = [
+            piece.later(heard.start) for piece in pieces_of(episode.window(heard.start, heard.stop))
+        ]
         found = [self([piece.of(episode)])[0] for piece in pieces]
         return put_together(episode, pieces, found)
 

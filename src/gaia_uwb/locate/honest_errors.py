@@ -40,8 +40,12 @@ def path_centres(episode: Episode) -> Float64[Array, "N 2"]:
     """
     origin_m = episode.position_m.mean(axis=0)
     local_m = episode.position_m - origin_m
-    count = episode.valid.sum(axis=0)[:, None]
-    return np.asarray(episode.valid.T @ local_m / np.maximum(count, 1) + origin_m)
+    step, anchor = np.nonzero(episode.valid)
+    count, *total_m = (
+        np.bincount(anchor, weights, minlength=episode.n_anchors)
+        for weights in (None, *local_m[step].T)
+    )
+    return np.asarray(np.stack(total_m, axis=1) / np.maximum(count, 1)[:, None] + origin_m)
 
 
 @dataclass(frozen=True)

@@ -76,14 +76,21 @@ def chunks(
     size = max(1, _CHUNK // (len(episodes) * first.n_steps))
     for start in range(0, first.n_anchors, size):
         part = slice(start, start + size)
+        steps = _heard([r[:, part] for r in range_m])
         yield Chunk(
-            position_m=position_m,
-            velocity_mps=velocity_mps,
-            tag_up_m=tag_up_m,
-            range_m=np.stack([np.ascontiguousarray(r[:, part].T) for r in range_m]),
-            sigma_m=np.stack([np.ascontiguousarray(s[:, part].T) for s in sigma_m]),
+            position_m=position_m[:, steps],
+            velocity_mps=velocity_mps[:, steps],
+            tag_up_m=tag_up_m[:, steps],
+            range_m=np.stack([np.ascontiguousarray(r[steps, part].T) for r in range_m]),
+            sigma_m=np.stack([np.ascontiguousarray(s[steps, part].T) for s in sigma_m]),
             anchor_up_m=np.stack([_heights(e)[part] for e in episodes]),
         )
+
+
+def _heard(range_m: Sequence[Float64[Array, "T n"]]) -> slice:
+    """Return the steps from the first to the last range: on a long road few of them all."""
+    steps = np.flatnonzero(np.any([np.isfinite(r).any(axis=1) for r in range_m], axis=0))
+    return slice(int(steps[0]), int(steps[-1]) + 1) if len(steps) else slice(None)
 
 
 def velocity(episode: Episode) -> Float64[Array, "T 2"]:
