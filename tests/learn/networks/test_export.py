@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("torch", reason="needs PyTorch: install gaia-uwb[train]")
 
 import numpy as np
+import onnx
 import onnxruntime
 import torch
 
@@ -42,3 +43,10 @@ def test_onnx_gives_what_pytorch_gives(
 
 def test_the_same_network_gives_the_same_file(build: Callable[..., Any]) -> None:
     assert export_window(build("gaia"), 3) == export_window(build("gaia"), 3)
+
+
+def test_it_is_plain_onnx_in_which_all_constants_are_computed(build: Callable[..., Any]) -> None:
+    model = onnx.load_from_string(export_window(build("gaia"), 3))
+    assert [each.domain for each in model.opset_import] == [""]
+    assert {node.domain for node in model.graph.node} == {""}
+    assert "Constant" not in {node.op_type for node in model.graph.node}
