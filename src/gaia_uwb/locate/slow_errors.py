@@ -29,7 +29,7 @@ _VARYING = [0, 1, 3, 4, 6, 7, 9, 10, 11, 12, 13]  # columns that are not the sam
 SCALES_M = (1.0, 4.0, 16.0, 64.0)
 """Correlation lengths of the slow errors."""
 _GROUP = 128  # blocks worked on together
-_STRETCH = 8192  # readings worked on together: a processor's cache holds all that comes of them
+_STRETCH = 4096  # readings worked on together: a processor's cache holds all that comes of them
 
 
 @dataclass
@@ -223,6 +223,8 @@ class SlowErrors:
         self._mean[..., [2, 5, 8]] = 1.0  # delay, range bias, bias of the tag
         self._information = np.empty((2, n_cells))
         tallies = np.empty((2, 3, n_cells))
+        longest = max((rows.stop - rows.start for _, rows in self._stretches), default=0)
+        buffer = np.empty((4 + len(_VARYING), longest))
         for cells, rows in self._stretches:
             part = Motion(motion.position_m[rows], motion.velocity_mps[rows], motion.gap_m[rows])
             block, cell = self._block[rows], evidence.cell[rows]
@@ -240,13 +242,16 @@ class SlowErrors:
                     variance_m2=self._variance_m2[side, cell],
                 )
                 found = linearise(part, evidence.range_m[rows], guess)
-                told = np.stack([found.information, *found.derivatives, found.residual_m])
-                told[1:] *= found.information
+                told = buffer[:, : len(cell)]
+                told[:4] = found.information, found.loss, found.outlier, found.square
+                for row, values in zip(
+                    told[4:], (*found.derivatives, found.residual_m), strict=True
+                ):
+                    np.multiply(values, found.information, out=row)
                 total, *sums = np.add.reduceat(told, first, axis=1)
                 self._information[side, cells] = total = np.maximum(total, 1e-9)
-                self._mean[side, cells][:, _VARYING] = (np.asarray(sums) / total).T
-                tally = np.stack([found.loss, found.outlier, found.square])
-                tallies[side, :, cells] = np.add.reduceat(tally, first, axis=1)
+                tallies[side, :, cells] = sums[:3]
+                self._mean[side, cells][:, _VARYING] = (np.asarray(sums[3:]) / total).T
         cone, n = cone[evidence.cell_block], len(evidence.cones)
         by_cone = [[np.bincount(cone, x, minlength=n) for x in side] for side in tallies]
         self._loss, self._outliers, self._squares = np.swapaxes(by_cone, 0, 1)
