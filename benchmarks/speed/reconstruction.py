@@ -16,10 +16,14 @@ others at work count less. Those of reconstructions begin when a small one has l
 
 from __future__ import annotations
 
+import os
+
+for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")  # before numpy is loaded: threads that wait take time, too
+
 import argparse
 import json
 import multiprocessing
-import os
 import resource
 import subprocess
 import sys
