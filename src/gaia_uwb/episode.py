@@ -187,6 +187,8 @@ class ErrorSizes:
     ----------
     noise_m
         Scale of the white noise, in metres.
+    alike
+        Correlation of this noise in readings of one cone that are 0.1 s apart.
     outlier_share
         Share of the readings that have no line of sight.
     field_m : (L,)
@@ -197,6 +199,7 @@ class ErrorSizes:
     """
 
     noise_m: float
+    alike: float
     outlier_share: float
     field_m: Float64[Array, "L"]
     delay_m: float

@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 
 from gaia_uwb.locate.evidence import Motion
-from gaia_uwb.locate.range_model import Guess, linearise
+from gaia_uwb.locate.line_of_sight import SightChains
+from gaia_uwb.locate.range_model import Guess, linearise as linearise_in_chains
 
 N = 60
 # What the columns are derivatives by, but for the clock.
 UNKNOWN = {0: ("own", 0), 1: ("own", 1), 2: ("own", 3), 3: ("own", 4), 4: ("growth_m", None)}
 UNKNOWN |= {6 + i: ("pattern_m", i) for i in range(4)}
+
+
+def linearise(motion, range_m, guess):
+    """Linearise readings of which none follows another."""
+    return linearise_in_chains(motion, range_m, SightChains(np.arange(N), np.zeros(N)), guess)
 
 
 def drive(seed=0, speed_mps=8.0):
@@ -29,7 +35,8 @@ def drive(seed=0, speed_mps=8.0):
         growth_m=rng.normal(0.05, 0.01, N),
         pattern_m=list(rng.normal(0.0, 0.03, (4, N))),
         noise_m=np.full(N, 0.1),
-        outlier_share=np.full(N, 0.05),
+        alike=np.zeros(N),
+        hidden_share=np.full(N, 0.05),
         slow_m=np.zeros(N),
         variance_m2=np.zeros(N),
     )
@@ -92,7 +99,7 @@ def test_a_tag_that_stands_still_has_no_pattern():
 
 def test_its_loss_is_that_of_a_density():
     motion, range_m, guess = drive()
-    guess = replace(guess, outlier_share=np.full(N, 0.3))
+    guess = replace(guess, hidden_share=np.full(N, 0.3))
     exact_m = range_m - linearise(motion, range_m, guess).residual_m
     fine_m, coarse_m = np.arange(-3.0, 3.0, 0.002), np.arange(3.0, 600.0, 0.1)
     off_m = np.concatenate([-coarse_m[::-1], fine_m, coarse_m])
@@ -100,11 +107,11 @@ def test_its_loss_is_that_of_a_density():
     assert np.trapezoid(np.exp(-loss), off_m, axis=0) == pytest.approx(1.0, abs=2e-3)
 
 
-def test_readings_far_off_are_outliers_and_rather_too_long_than_too_short():
+def test_readings_far_off_are_hidden_and_rather_too_long_than_too_short():
     motion, range_m, guess = drive()
     exact_m = range_m - linearise(motion, range_m, guess).residual_m
     near, long, short = (linearise(motion, exact_m + m, guess) for m in (0.05, 3.0, -3.0))
-    assert near.outlier.max() < 0.05
-    assert long.outlier.min() > 0.95
+    assert near.hidden.max() < 0.05
+    assert long.hidden.min() > 0.95
     assert (long.loss < short.loss).all()
     assert (near.information > 20.0 * long.information).all()

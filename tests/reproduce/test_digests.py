@@ -90,7 +90,7 @@ def test_every_number_of_an_episode_counts() -> None:
 
 
 def test_what_a_run_says_of_its_errors_and_the_readings_own_times_count() -> None:
-    sizes = ErrorSizes(0.1, 0.05, np.full(3, 0.02), 0.03, 0.02)
+    sizes = ErrorSizes(0.1, 0.2, 0.05, np.full(3, 0.02), 0.03, 0.02)
     errors = DriveErrors(np.zeros(8), np.eye(8), sizes)
     path = Trajectory(np.arange(2.0), np.zeros((2, 2)))
     own = RangeReadings(np.ones(1), np.zeros(1, dtype=int), np.ones(1), trajectory=path)

@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64, Int64
+from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.episode import RangeReadings
 
 MOST_CELLS = 64
@@ -23,6 +23,7 @@ MOST_CELLS = 64
 _MOST_READINGS = 1500  # of one cone in one drive; the slow errors bound what more could add
 _CELL = 0.2  # size of a cell as a share of the cone's distance
 _NEAREST_M = 0.75  # nearer cones have cells as if at this distance
+_LARGEST_M = 1.0  # and as the shortest of slow errors
 _GROWTH = 1.3  # of cells, until there are few enough
 _VELOCITY_OVER_S = 0.5
 PARKED_MPS = 0.2  # below this the direction of travel is unknown
@@ -45,6 +46,21 @@ class Motion:
     position_m: Float64[Array, "R 2"]
     velocity_mps: Float64[Array, "R 2"]
     gap_m: Float64[Array, "R"]
+
+    @property
+    def moving(self) -> Bool[Array, "R"]:
+        """Whether the direction of travel is known."""
+        return np.asarray(np.hypot(*self.velocity_mps.T) > PARKED_MPS)
+
+    def course_rad(self) -> Float64[Array, "R"]:
+        """Return the direction of travel, counter-clockwise from east."""
+        return np.asarray(np.arctan2(self.velocity_mps[:, 1], self.velocity_mps[:, 0]))
+
+    def across(self) -> Float64[Array, "R 2"]:
+        """Return the unit vector to the left of the path; 0 where the tag stands."""
+        course_rad = self.course_rad()
+        left = np.stack([-np.sin(course_rad), np.cos(course_rad)], axis=1)
+        return np.asarray(self.moving[:, None] * left)
 
 
 @dataclass(frozen=True)
@@ -80,6 +96,20 @@ class Evidence:
     block_cone: Int64[Array, "B"]
     block_drive: Int64[Array, "B"]
     cell_block: Int64[Array, "C"]
+
+    def nearest(self, distance_m: Float64[Array, "R"]) -> Int64[Array, "c"]:
+        """Return which reading of each cone that has any was taken nearest to it.
+
+        Parameters
+        ----------
+        distance_m : (R,)
+            From the tag to the cone, or to where it may stand.
+        """
+        first = np.flatnonzero(np.diff(self.cone, prepend=-1))
+        least_m = np.minimum.reduceat(distance_m, first) if len(first) else distance_m
+        count = np.diff(np.append(first, len(self.cone)))
+        found = np.flatnonzero(distance_m <= np.repeat(least_m, count))
+        return found[np.diff(self.cone[found], prepend=-1) > 0]
 
     def motion(self, offset_s: Float64[Array, "D"]) -> Motion:
         """Return where the tag was at the readings' times, given the drives' clock offsets.
@@ -191,7 +221,7 @@ def _in_cells(
     quarter = np.where(speed_mps > PARKED_MPS, quarter, 4)
     alike = _combined(_combined(block, quarter), octave)
     while True:
-        size_m = _CELL * growth[block] * 2.0**octave
+        size_m = growth[block] * np.minimum(_CELL * 2.0**octave, _LARGEST_M)
         east, north = np.floor(motion.position_m / size_m[:, None]).T
         tile = _combined(east, north)
         order = np.lexsort((tile, alike))

@@ -1,7 +1,6 @@
 """What single readings say of a zone near a guess: residuals, derivatives and robust weights.
 
-White noise is Student-t with 4 degrees of freedom; among it are readings without line of sight,
-which are too long.
+The noise is Student-t; which readings had no line of sight is told by ``line_of_sight.py``.
 """
 
 from __future__ import annotations
@@ -14,16 +13,11 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Float64
 from gaia_uwb.locate.evidence import PARKED_MPS, Motion
+from gaia_uwb.locate.line_of_sight import DEGREES, SightChains
 
 N_DERIVATIVES = 10
 """By east and north, by cosine and sine of a cone's pattern, by the growth of the range bias, by
 the clock offset, and by the four of the tag's pattern. All other derivatives are 1."""
-_DOF = 4.0  # of the white noise's Student-t distribution
-_PEAK = 0.375  # of its density
-# Scales of what readings without line of sight are too long by, and how common they are; the
-# second is for readings that are not of this cone at all.
-_OUTLIERS = ((1.0, 0.9), (50.0, 0.1))
-_TOO_SHORT = 0.1  # share of the outliers that are too short instead
 _NEAREST_M = 0.5  # below this a range bias does not grow any more
 
 
@@ -39,8 +33,10 @@ class Guess:
         Range bias at 10 m, the tag's included, and its growth.
     pattern_m : sequence of (R,)
         Of the tag.
-    noise_m, outlier_share : (R,)
-        White noise and share of outliers.
+    noise_m, alike : (R,)
+        Noise, and the correlation of that of readings 0.1 s apart.
+    hidden_share : (R,)
+        Share of readings without line of sight.
     slow_m, variance_m2 : (R,)
         Slow errors, and how uncertain these are.
     """
@@ -50,7 +46,8 @@ class Guess:
     growth_m: Float64[Array, "R"]
     pattern_m: Sequence[Float64[Array, "R"]]
     noise_m: Float64[Array, "R"]
-    outlier_share: Float64[Array, "R"]
+    alike: Float64[Array, "R"]
+    hidden_share: Float64[Array, "R"]
     slow_m: Float64[Array, "R"]
     variance_m2: Float64[Array, "R"]
 
@@ -65,25 +62,34 @@ class Linear:
         Of the range by what is unknown; see :data:`N_DERIVATIVES`.
     residual_m : (R,)
         Measured range less the guess's, slow errors not counted.
+    flat_m : (R,)
+        Horizontal distance from the tag to the guess.
     information : (R,)
-        Inverse variance of a reading, less where it is probably an outlier.
+        Inverse variance of what a reading adds, less where it probably had no line of sight.
     loss : (R,)
         Negative log likelihood.
-    outlier : (R,)
-        Probability of being an outlier.
+    hidden : (R,)
+        Probability of no line of sight.
     square : (R,)
         Weighted squared residual, over the noise's variance.
+    products, squares : (R,)
+        Of neighbouring readings, over the noise's variance; see ``line_of_sight.Sight``.
     """
 
     derivatives: list[Float64[Array, "R"]]
     residual_m: Float64[Array, "R"]
+    flat_m: Float64[Array, "R"]
     information: Float64[Array, "R"]
     loss: Float64[Array, "R"]
-    outlier: Float64[Array, "R"]
+    hidden: Float64[Array, "R"]
     square: Float64[Array, "R"]
+    products: Float64[Array, "R"]
+    squares: Float64[Array, "R"]
 
 
-def linearise(motion: Motion, range_m: Float64[Array, "R"], guess: Guess) -> Linear:
+def linearise(
+    motion: Motion, range_m: Float64[Array, "R"], chains: SightChains, guess: Guess
+) -> Linear:
     """Return what readings say near a guess.
 
     Parameters
@@ -92,6 +98,8 @@ def linearise(motion: Motion, range_m: Float64[Array, "R"], guess: Guess) -> Lin
         Of the tag, at each reading.
     range_m : (R,)
         What was measured.
+    chains
+        Which readings follow each other.
     guess
         Where to linearise.
     """
@@ -113,15 +121,19 @@ def linearise(motion: Motion, range_m: Float64[Array, "R"], guess: Guess) -> Lin
         residual_m -= size_m * harmonic
     left_m, noise_m2 = residual_m - guess.slow_m, guess.noise_m**2
     square = (left_m**2 + guess.variance_m2) / noise_m2
-    inlier, loss = _mixture(left_m, guess.noise_m, guess.outlier_share)
-    weight = inlier * ((_DOF + 1.0) / (_DOF + square))
+    wide_m = np.sqrt(noise_m2 + guess.variance_m2)  # else what is not known yet seems hidden
+    sight = chains.solve(left_m, wide_m, guess.hidden_share, guess.alike)
+    weight = sight.visible * ((DEGREES + 1.0) / (DEGREES + square))
     return Linear(
         derivatives=[*towards, cosine, sine, decades, closing_mps, *turned],
         residual_m=residual_m,
-        information=weight / noise_m2,
-        loss=loss,
-        outlier=1.0 - inlier,
+        flat_m=flat_m,
+        information=weight * sight.information / noise_m2,
+        loss=sight.loss,
+        hidden=1.0 - sight.visible,
         square=weight * square,
+        products=sight.products,
+        squares=sight.squares,
     )
 
 
@@ -134,18 +146,3 @@ def _harmonics(
     ahead, left = np.where(moving, velocity_mps.T / np.maximum(speed_mps, PARKED_MPS), 0.0)
     cos, sin = cosine * ahead + sine * left, sine * ahead - cosine * left
     return cos, sin, cos**2 - sin**2, 2.0 * cos * sin
-
-
-def _mixture(
-    left_m: Float64[Array, "R"], noise_m: Float64[Array, "R"], share: Float64[Array, "R"]
-) -> tuple[Float64[Array, "R"], Float64[Array, "R"]]:
-    """Return the probability of each residual's being no outlier, and its negative log density."""
-    wide = 1.0 + (left_m / noise_m) ** 2 / _DOF
-    inside = (1.0 - share) * _PEAK / (noise_m * wide**2 * np.sqrt(wide))  # to the power of 5/2
-    size_m = np.abs(left_m)
-    outside = np.zeros_like(left_m)
-    for scale_m, part in _OUTLIERS:
-        outside += part / scale_m * np.exp(size_m / -scale_m)
-    outside *= share * np.where(left_m > 0.0, 1.0 - _TOO_SHORT, _TOO_SHORT)
-    total = np.maximum(inside + outside, 1e-300)
-    return inside / total, -np.log(total)

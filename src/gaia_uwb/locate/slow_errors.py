@@ -16,6 +16,7 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.locate.evidence import Evidence, Motion
+from gaia_uwb.locate.line_of_sight import SightChains
 from gaia_uwb.locate.range_model import Guess, linearise
 
 OWN = 5
@@ -28,6 +29,7 @@ _COLUMNS = OWN + RADIOS + DRIVE
 _VARYING = [0, 1, 3, 4, 6, 7, 9, 10, 11, 12, 13]  # columns that are not the same everywhere
 SCALES_M = (1.0, 4.0, 16.0, 64.0)
 """Correlation lengths of the slow errors."""
+_LEAST_INFORMATION = 1e-2  # of a cell whose readings are all hidden, per square metre
 _GROUP = 128  # blocks worked on together
 _STRETCH = 4096  # readings worked on together: a processor's cache holds all that comes of them
 
@@ -46,6 +48,8 @@ class Sums:
         Negative log likelihood.
     count, outliers, squares : (N, 2)
         Readings; how many of them are outliers; the others' squared residuals over the noise's.
+    pairs : (N, 2, 2)
+        Products, and squares, of neighbouring residuals.
     freedom, spent : (N, 2, L), (N, 2, L, 5, 5)
         How many independent slow errors the readings show, and what the cone's own unknowns take
         of them.
@@ -60,6 +64,7 @@ class Sums:
     count: Float64[Array, "N 2"]
     outliers: Float64[Array, "N 2"]
     squares: Float64[Array, "N 2"]
+    pairs: Float64[Array, "N 2 2"]
     freedom: Float64[Array, "N 2 L"]
     spent: Float64[Array, "N 2 L 5 5"]
 
@@ -77,6 +82,7 @@ class Sums:
             count=np.zeros((n, 2)),
             outliers=np.zeros((n, 2)),
             squares=np.zeros((n, 2)),
+            pairs=np.zeros((n, 2, 2)),
             freedom=np.zeros((n, 2, len(SCALES_M))),
             spent=np.zeros((n, 2, len(SCALES_M), OWN, OWN)),
         )
@@ -126,6 +132,9 @@ class SlowErrors:
         )
         self._first_row = np.searchsorted(evidence.cell, np.arange(n_cells + 1))
         self._stretches = list(self._cut())
+        self._chains = [
+            SightChains(self._block[rows], evidence.t_s[rows]) for _, rows in self._stretches
+        ]
         position_m = evidence.motion(offset_s).position_m
         count = np.diff(self._first_row)
         self._middle_m = np.stack(
@@ -135,12 +144,17 @@ class SlowErrors:
         self.forget()
 
     def _cut(self) -> Iterator[tuple[slice, slice]]:
-        """Yield cells, and their rows, that are worked on together."""
-        first, last = 0, len(self._first_row) - 1
+        """Yield the cells of whole blocks, and their rows, that are worked on together."""
+        first_cell = np.searchsorted(
+            self.evidence.cell_block, np.arange(len(self.evidence.block_cone) + 1)
+        )
+        first_row = self._first_row[first_cell]
+        first, last = 0, len(first_row) - 1
         while first < last:
-            end = self._first_row[first] + _STRETCH
-            stop = max(int(np.searchsorted(self._first_row, end, side="right")) - 1, first + 1)
-            yield slice(first, stop), slice(*self._first_row[[first, stop]].tolist())
+            end = first_row[first] + _STRETCH
+            stop = max(int(np.searchsorted(first_row, end, side="right")) - 1, first + 1)
+            ends = [first, stop]
+            yield slice(*first_cell[ends].tolist()), slice(*first_row[ends].tolist())
             first = stop
 
     def _grouped(self) -> Iterator[_Group]:
@@ -196,7 +210,8 @@ class SlowErrors:
         offset_s: Float64[Array, "D"],
         drive_slot: Int64[Array, "D"],
         noise_m: Float64[Array, "n"],
-        outlier_share: Float64[Array, "n"],
+        alike: Float64[Array, "n"],
+        hidden_share: Float64[Array, "n"],
     ) -> None:
         """Average the readings of every cell, robustly, and their derivatives.
 
@@ -208,28 +223,30 @@ class SlowErrors:
             What is shared in each cone's zone.
         offset_s, drive_slot : (D,)
             Clock offset of each drive, and its number in its zone.
-        noise_m, outlier_share : (n,)
-            White noise and share of outliers in each cone's zone.
+        noise_m, alike, hidden_share : (n,)
+            Noise, its correlation, and the share of readings without line of sight, in each cone's
+            zone.
         """
         evidence, motion = self.evidence, self.evidence.motion(offset_s)
         cone = evidence.block_cone
         slot = RADIOS + DRIVE * drive_slot[evidence.block_drive]
         bias_m, growth_m = shared[cone, 0] + shared[cone, slot + 1], shared[cone, 1]
         pattern_m = shared[cone[:, None], slot[:, None] + np.arange(2, DRIVE)]
-        same = np.column_stack([bias_m, growth_m, noise_m[cone], outlier_share[cone], pattern_m]).T
+        errors = [x[cone] for x in (noise_m, alike, hidden_share)]
+        same = np.column_stack([bias_m, growth_m, *errors, pattern_m]).T
         own_m = own[cone].transpose(1, 2, 0)  # (2, 5, B)
         n_cells = len(evidence.cell_block)
         self._mean = np.empty((2, n_cells, _COLUMNS + 1))
         self._mean[..., [2, 5, 8]] = 1.0  # delay, range bias, bias of the tag
         self._information = np.empty((2, n_cells))
-        tallies = np.empty((2, 3, n_cells))
+        tallies, flat_m = np.empty((2, 5, n_cells)), np.empty((2, len(evidence.range_m)))
         longest = max((rows.stop - rows.start for _, rows in self._stretches), default=0)
-        buffer = np.empty((4 + len(_VARYING), longest))
-        for cells, rows in self._stretches:
+        buffer = np.empty((6 + len(_VARYING), longest))
+        for (cells, rows), chains in zip(self._stretches, self._chains, strict=True):
             part = Motion(motion.position_m[rows], motion.velocity_mps[rows], motion.gap_m[rows])
             block, cell = self._block[rows], evidence.cell[rows]
             first = self._first_row[cells] - rows.start
-            bias_m, growth_m, noise, share, *pattern = same.take(block, axis=1)
+            bias_m, growth_m, noise, correlation, share, *pattern = same.take(block, axis=1)
             for side in (0, 1):
                 guess = Guess(
                     own=own_m[side].take(block, axis=1),
@@ -237,24 +254,47 @@ class SlowErrors:
                     growth_m=growth_m,
                     pattern_m=pattern,
                     noise_m=noise,
-                    outlier_share=share,
+                    alike=correlation,
+                    hidden_share=share,
                     slow_m=self._slow_m[side, cell],
                     variance_m2=self._variance_m2[side, cell],
                 )
-                found = linearise(part, evidence.range_m[rows], guess)
+                found = linearise(part, evidence.range_m[rows], chains, guess)
+                flat_m[side, rows] = found.flat_m
                 told = buffer[:, : len(cell)]
-                told[:4] = found.information, found.loss, found.outlier, found.square
+                told[:6] = (
+                    found.information,
+                    found.loss,
+                    found.hidden,
+                    found.square,
+                    found.products,
+                    found.squares,
+                )
                 for row, values in zip(
-                    told[4:], (*found.derivatives, found.residual_m), strict=True
+                    told[6:], (*found.derivatives, found.residual_m), strict=True
                 ):
                     np.multiply(values, found.information, out=row)
                 total, *sums = np.add.reduceat(told, first, axis=1)
-                self._information[side, cells] = total = np.maximum(total, 1e-9)
-                tallies[side, :, cells] = sums[:3]
-                self._mean[side, cells][:, _VARYING] = (np.asarray(sums[3:]) / total).T
+                total = np.maximum(total, _LEAST_INFORMATION)
+                self._information[side, cells] = total
+                tallies[side, :, cells] = sums[:5]
+                self._mean[side, cells][:, _VARYING] = (np.asarray(sums[5:]) / total).T
+        self._look_across(motion, flat_m)
         cone, n = cone[evidence.cell_block], len(evidence.cones)
         by_cone = [[np.bincount(cone, x, minlength=n) for x in side] for side in tallies]
-        self._loss, self._outliers, self._squares = np.swapaxes(by_cone, 0, 1)
+        self._loss, self._outliers, self._squares, *pairs = np.swapaxes(by_cone, 0, 1)
+        self._pairs = np.stack(pairs, axis=-1)
+
+    def _look_across(self, motion: Motion, flat_m: Float64[Array, "2 R"]) -> None:
+        """Keep where the tag came nearest to each place, and what is across the path there."""
+        n = len(self.evidence.cones)
+        self.nearest_m, self.across = np.zeros((n, 2, 2)), np.zeros((n, 2, 2))
+        across = motion.across()
+        for side in (0, 1):
+            near = self.evidence.nearest(flat_m[side])
+            cone = self.evidence.cone[near]
+            self.nearest_m[cone, side] = motion.position_m[near]
+            self.across[cone, side] = across[near]
 
     def add_to(
         self, sums: Sums, field_m: Float64[Array, "n L"], drive_slot: Int64[Array, "D"]
@@ -277,6 +317,7 @@ class SlowErrors:
         sums.count[cones] += self._n_readings[:, None]
         sums.outliers[cones] += self._outliers.T
         sums.squares[cones] += self._squares.T
+        sums.pairs[cones] += np.swapaxes(self._pairs, 0, 1)
         for group in self._groups:
             local = evidence.block_cone[group.block]
             cone = cones[local]

@@ -41,32 +41,34 @@ from gaia_uwb.episode import ErrorSizes
 from gaia_uwb.locate.evidence import Evidence
 from gaia_uwb.locate.slow_errors import DRIVE, OWN, RADIOS, SCALES_M, SlowErrors, Sums
 
-SIZES = ("noise_m", "outlier_share", "field_m", "delay_m", "pattern_m")
+SIZES = ("noise_m", "alike", "outlier_share", "field_m", "delay_m", "pattern_m")
 
 _ROUGH_M = (1.0, 1.0, 1.0, 0.5, 0.5, 0.25, 0.25)  # noise assumed while places may be far off
 _AGAIN_M = (0.5, 0.25, 0.25)  # the same once clocks and bias are roughly known
+_FINER_M = (0.15, 0.1, 0.07, 0.05)  # noise assumed at least while slow errors become known
 STEPS = 8
 """Steps in which the sizes of the errors are estimated."""
 _LONGEST_STEP_M, _LONGEST_STEP_S = 3.0, 0.3
+_LONGEST_SHARE, _SHORT_M = 0.3, 0.1  # of the distance; a step that is never too long
 _ANYWHERE_M = 1e3  # prior standard deviation of a place
 _NOISE_M = (0.003, 3.0)  # least and largest white noise
+_MOST_ALIKE, _PAIRS_WORTH = 0.95, 20.0  # correlation of the noise; pairs for none
 _OUTLIERS = (0.002, 0.4)  # least and largest share of outliers
-RUN = 10.0
-"""Readings without line of sight come in runs of about so many, each of which counts as one."""
-ALIKE = 4.0
+ALIKE = 2.0
 """Errors are alike in ways that no model holds: what adds up over many readings counts a quarter.
 
 ``benchmarks/quality/side_odds.py`` shows how often sides are wrong at which odds."""
 # What radios have: sizes in metres, and for how many degrees of freedom that counts.
 _FIELD_M, _FIELD_WORTH = 0.015, 3.0
 _DELAY_M, _DELAY_WORTH = 0.03, 4.0
-_PATTERN_M, _PATTERN_WORTH = 0.02, 16.0
+_PATTERN_M, _PATTERN_WORTH = 0.03, 16.0
 
 _BY_CONE = ("own", "covariance", "shared_m", "loss", "step", "outliers", "noise")
 _BY_ZONE = ("shared", "shared_covariance")
 
 RADIO_SIZES = ErrorSizes(
     noise_m=0.1,
+    alike=0.0,
     outlier_share=0.05,
     field_m=np.full(len(SCALES_M), _FIELD_M),
     delay_m=_DELAY_M,
@@ -291,6 +293,11 @@ class Estimator:
         for noise_m in _AGAIN_M if again else _ROUGH_M:
             self._step(noise_m)
 
+    def finer(self) -> None:
+        """Take the steps in between: the noise is estimated, but not believed to be small yet."""
+        for least_m in _FINER_M:
+            self._step(None, least_m)
+
     def refine(self, steps: int = STEPS) -> ZoneFit:
         """Take the other steps, in which the sizes of the errors are estimated, too.
 
@@ -327,10 +334,11 @@ class Estimator:
         for field, before in zip(self._fields, state.fields, strict=True):
             field.restart(before, cones)
 
-    def _step(self, rough_m: float | None) -> ZoneFit:
+    def _step(self, rough_m: float | None, least_m: float = 0.0) -> ZoneFit:
         """Take one step in all unknowns; with ``rough_m`` as the noise where it is given."""
         sizes, zone = self._sizes, self._zone
         noise_m = sizes["noise_m"] if rough_m is None else np.full(len(self._shared), rough_m)
+        noise_m = np.maximum(noise_m, least_m)
         share = sizes["outlier_share"] if rough_m is None else np.zeros(len(self._shared))
         sums = Sums.zeros(len(zone), self._shared.shape[1])
         offset_s = self.offset_s
@@ -342,6 +350,7 @@ class Estimator:
                 offset_s,
                 self._drive_slot,
                 noise_m[zone[cones]],
+                sizes["alike"][zone[cones]],
                 share[zone[cones]],
             )
             field.add_to(sums, sizes["field_m"][zone[cones]], self._drive_slot)
@@ -371,17 +380,16 @@ class Estimator:
         covariance = np.linalg.inv(data + precise)
         loss += _of_others(sums, (data + precise)[zone] - told, towards[zone] - pulls)
         change = (covariance @ towards[..., None])[..., 0]
-        own_change = (inverse @ gradient[..., None])[..., 0]
-        own_change -= (through @ change[zone][:, None, :, None])[..., 0]
+        own_change, change = self._step_length(inverse, gradient, through, change)
+        self._stay_on_both_sides(own_change)
         for field in self._fields:
             cones = field.evidence.cones
             field.follow(own_change[cones], change[zone[cones]])
         if rough_m is None:
-            self._update_sizes(sums, inverse)
+            self._update_sizes(sums, inverse, noise_m)
         self._move(own_change, change)
         self._weight = _softmax(-loss)
-        runs = 1.0 + (RUN - 1.0) * sizes["outlier_share"]
-        honest = np.linalg.inv(data / (ALIKE * runs[:, None, None]) + precise)
+        honest = np.linalg.inv(data / ALIKE + precise)
         root = np.linalg.cholesky(honest)
         shared_m = (through @ root[zone][:, None])[..., :2, :]
         places_m2 = inverse[..., :2, :2] + shared_m @ np.swapaxes(shared_m, -1, -2)
@@ -399,17 +407,59 @@ class Estimator:
             noise=sums.squares / np.maximum(count - sums.outliers, 1.0),
         )
 
+    def _step_length(
+        self, inverse: Array, gradient: Array, through: Array, change: Array
+    ) -> tuple[Float64[Array, "N 2 5"], Float64[Array, "Z S"]]:
+        """Return a step that is nowhere so long that the linearisation means nothing.
+
+        A step in what is shared takes the cones along, so it is shortened as a whole. How a cone
+        moves besides is its own affair.
+        """
+        zone = self._zone
+        along = -(through @ change[zone][:, None, :, None])[..., 0]
+        clocks_s = np.abs(change[:, RADIOS::DRIVE]).max(axis=1)
+        longest_m = np.zeros(len(change))
+        likely = self._weight >= 0.5
+        np.maximum.at(
+            longest_m, zone, (likely * np.hypot(along[..., 0], along[..., 1])).max(axis=1)
+        )
+        part = np.minimum(1.0, _LONGEST_STEP_M / np.maximum(longest_m, 1e-9))
+        part = np.minimum(part, _LONGEST_STEP_S / np.maximum(clocks_s, 1e-9))
+        alone = (inverse @ gradient[..., None])[..., 0]
+        length_m = np.hypot(alone[..., 0], alone[..., 1])
+        away_m = np.full(length_m.shape, np.inf)
+        for field in self._fields:
+            cones = field.evidence.cones
+            off_m = self._own[cones, :, :2] - field.nearest_m
+            away_m[cones] = np.hypot(off_m[..., 0], off_m[..., 1])
+        most_m = np.minimum(_LONGEST_STEP_M, _LONGEST_SHARE * away_m + _SHORT_M)
+        alone *= np.minimum(1.0, most_m / np.maximum(length_m, 1e-9))[..., None]
+        return alone + part[zone][:, None, None] * along, part[:, None] * change
+
+    def _stay_on_both_sides(self, own_change: Float64[Array, "N 2 5"]) -> None:
+        """Take out of a step what would lead a place over the path to the cone's other place.
+
+        Near the path a wrong bias leaves one minimum of two, and what has crossed the path does not
+        come back when the bias is right.
+        """
+        for field in self._fields:
+            cones = field.evidence.cones
+            across = field.across
+            own_m = self._own[cones, :, :2]
+            here_m = ((own_m - field.nearest_m) * across).sum(axis=-1)
+            other_m = ((own_m[:, ::-1] - field.nearest_m) * across).sum(axis=-1)
+            step_m = (own_change[cones, :, :2] * across).sum(axis=-1)
+            crosses = (here_m * other_m < 0.0) & (here_m * (here_m + step_m) <= 0.0)
+            own_change[cones, :, :2] -= (crosses * step_m)[..., None] * across
+
     def _move(self, own_change: Array, change: Array) -> None:
-        """Take a step, but none so long that the linearisation means nothing."""
-        length_m = np.hypot(own_change[..., 0], own_change[..., 1])
-        part = np.minimum(1.0, _LONGEST_STEP_M / np.maximum(length_m, 1e-9))
-        self._own = self._own + own_change * part[..., None]
-        clocks = np.arange(RADIOS, change.shape[1], DRIVE)
-        change = change.copy()
-        change[:, clocks] = np.clip(change[:, clocks], -_LONGEST_STEP_S, _LONGEST_STEP_S)
+        """Take a step."""
+        self._own = self._own + own_change
         self._shared = self._shared + change
 
-    def _update_sizes(self, sums: Sums, inverse: Float64[Array, "N 2 5 5"]) -> None:
+    def _update_sizes(
+        self, sums: Sums, inverse: Float64[Array, "N 2 5 5"], noise_m: Float64[Array, "Z"]
+    ) -> None:
         """Estimate the sizes of the errors anew from what this step left of them."""
         zone, weight, open_ = self._zone, self._weight, ~self._settled
 
@@ -417,10 +467,11 @@ class Estimator:
             return np.bincount(zone, (weight * values).sum(axis=1), minlength=len(open_))
 
         sizes = self._sizes
-        noise2 = sizes["noise_m"] ** 2
         inliers = by_zone(sums.count - sums.outliers)
-        noise2 = by_zone(sums.squares) * noise2 / np.maximum(inliers, 1e-9)
+        noise2 = by_zone(sums.squares) * noise_m**2 / np.maximum(inliers, 1e-9)
         share = by_zone(sums.outliers) / np.maximum(by_zone(sums.count), 1.0)
+        products, squares = (by_zone(x) for x in np.moveaxis(sums.pairs, -1, 0))
+        alike = np.clip(products / (squares + _PAIRS_WORTH), 0.0, _MOST_ALIKE)
         left = np.zeros_like(sums.freedom)
         for field in self._fields:
             field.add_freedom(sums)
@@ -436,6 +487,7 @@ class Estimator:
         pattern2 = by_zone(spread[..., 3:].sum(axis=-1)) + _PATTERN_WORTH * _PATTERN_M**2
         found = {
             "noise_m": np.clip(np.sqrt(noise2), self._least_noise_m, _NOISE_M[1]),
+            "alike": alike,
             "outlier_share": np.clip(share, *_OUTLIERS),
             "field_m": np.sqrt(field2),
             "delay_m": np.sqrt(delay2 / (n_cones + _DELAY_WORTH)),

@@ -14,7 +14,7 @@ import numpy as np
 from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.config import AlignmentConfig, PipelineConfig
 from gaia_uwb.episode import ClockOffset, DriveErrors, Episode, RangeReadings
-from gaia_uwb.locate.evidence import Evidence, Heard, gather
+from gaia_uwb.locate.evidence import Evidence, Heard, Motion, gather
 from gaia_uwb.locate.honest_errors import path_centres
 from gaia_uwb.locate.hypotheses import Hypotheses
 from gaia_uwb.locate.passes import all_anchors
@@ -22,7 +22,6 @@ from gaia_uwb.locate.slow_errors import DRIVE, RADIOS
 from gaia_uwb.locate.zone_fit import (
     ALIKE,
     RADIO_SIZES,
-    RUN,
     Estimator,
     Layout,
     SharedPrior,
@@ -33,7 +32,7 @@ from gaia_uwb.scene import Trajectory
 from gaia_uwb.solver import SolverOptions, solve
 
 _TAG_BIAS_M = 0.1  # standard deviation of what a tag adds to the range bias of the radios
-_TAG_PATTERN_M = 0.03  # of each harmonic of a tag's pattern
+_TAG_PATTERN_M = 0.05  # of each harmonic of a tag's pattern
 _HELD = 1e-6  # standard deviation of what is known for certain
 _SIGMA_M = 0.1  # only a unit for the first solver: the scale of the errors is estimated
 _MOST_EXTRA = 24  # steps beyond the usual ones, for zones that still move
@@ -170,6 +169,7 @@ def _fit_batch(
         estimator.rough()
         estimator.place(np.nan_to_num(starts.both_sides(estimator)))
         estimator.rough(again=True)
+    estimator.finer()
     fit = estimator.refine()
     for _ in range(_MOST_EXTRA):
         moving = located & (_best(fit.step, fit.loss) > _STILL)
@@ -256,12 +256,10 @@ def _prior(
     variance[1, 1] = calibration.bias_slope_sigma_m**2 if bias else 0.0
     clocks = RADIOS + DRIVE * np.arange(k)
     if alignment.clock_offset == "auto":
-        # What was applied already is an estimate; the prior is about no offset at all. An episode
-        # that no log was aligned to has one clock.
-        two = np.array([e.clock is not None for e in episodes])
+        # What was applied already is an estimate; the prior is about no offset at all.
         mean[clocks] = [0.0 if e.clock is None else -e.clock.applied_s for e in episodes]
-        variance[np.ix_(clocks[two], clocks[two])] = alignment.clock_offset_sigma_s**2
-        variance[clocks[two], clocks[two]] += alignment.drive_offset_sigma_s**2 if k > 1 else 0.0
+        variance[np.ix_(clocks, clocks)] = alignment.clock_offset_sigma_s**2
+        variance[clocks, clocks] += alignment.drive_offset_sigma_s**2 if k > 1 else 0.0
     tag = clocks + 1
     variance[tag, tag] = _TAG_BIAS_M**2 if k > 1 and bias else 0.0
     for i in range(2, DRIVE):
@@ -316,11 +314,28 @@ class _Starts:
                 height_m=(motion.gap_m[row], np.zeros((len(count), 1))),
                 options=options,
             )
-            out[each.cones] = solved.position_m[:, 0]
+            out[each.cones] = _on_both_sides(solved.position_m[:, 0], each, motion)
             loss[each.cones] = np.nan_to_num(solved.negative_log_likelihood[:, 0])
         known = np.isfinite(self.near_m[:, 0]) & np.isfinite(out[:, 0, 0])
         out[known, loss[known].argmax(axis=1)] = self.near_m[known]
         return out
+
+
+def _on_both_sides(
+    position_m: Float64[Array, "n 2 2"], evidence: Evidence, motion: Motion
+) -> Float64[Array, "n 2 2"]:
+    """Put the second place of a cone in the mirror where both are on one side of the path."""
+    first_m = position_m[evidence.cone, 0]
+    flat_m = np.hypot(*(first_m - motion.position_m).T)
+    near = evidence.nearest(np.nan_to_num(flat_m))
+    cone = evidence.cone[near]
+    across = motion.across()[near, None]
+    off_m = ((position_m[cone] - motion.position_m[near, None]) * across).sum(axis=-1)
+    mirrored_m = position_m[cone, 0] - 2.0 * off_m[:, :1] * across[:, 0]
+    same = off_m.prod(axis=1) > 0.0
+    out = position_m.copy()
+    out[cone[same], 1] = mirrored_m[same]
+    return out
 
 
 def _places(
@@ -333,15 +348,12 @@ def _places(
 ) -> ZonePlaces:
     """Return what the fit says of one zone."""
     floor_m2 = config.solver.position_floor_m**2 * np.eye(2)
-    common_m2 = fit.shared_m @ np.swapaxes(fit.shared_m, -1, -2)
-    runs = 1.0 + (RUN - 1.0) * fit.outliers
-    own_m2 = runs[..., None, None] * (fit.covariance - common_m2)
-    covariance_m2 = own_m2 + common_m2 + floor_m2
+    covariance_m2 = fit.covariance + floor_m2
     covariance_m2[~located] = np.nan
     hypotheses = Hypotheses(
         position_m=np.where(located[:, None, None], fit.own[..., :2], np.nan),
         covariance_m2=covariance_m2,
-        log_odds=np.where(located, np.ptp(fit.loss, axis=1) / (ALIKE * runs[:, 0]), 0.0),
+        log_odds=np.where(located, np.ptp(fit.loss, axis=1) / ALIKE, 0.0),
         own_bias_m=np.where(located, fit.own[:, 0, 2], 0.0),
         n_ranges=count,
         converged=~located | (fit.step[:, 0] < _STILL),
