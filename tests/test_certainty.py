@@ -195,18 +195,7 @@ def test_sides_of_straight_closures_are_as_open_as_the_ranges_leave_them(
     assert wrong <= poisson.ppf(UNLUCKY, expected)
 
 
-@pytest.mark.parametrize(
-    "denoiser",
-    [
-        "gaia-set",
-        pytest.param(
-            "raw",
-            marks=pytest.mark.xfail(
-                strict=True, reason="what decides sides without a network is too sure of them"
-            ),
-        ),
-    ],
-)
+@pytest.mark.parametrize("denoiser", ["gaia-set", "raw"])
 def test_cones_of_straight_closures_called_ok_are_on_the_right_side(
     denoiser: str, straight_closures: tuple[list[Episode], list[Numbers]]
 ) -> None:

@@ -54,6 +54,28 @@ _MESSAGES = {
 }
 
 
+class SideSource(StrEnum):
+    """What decides on which side of the path an anchor stands; the value is what people see."""
+
+    RANGES = "ranges"
+    LAYOUT = "layout"
+    STATEMENT = "statement"
+    OPEN = "open"
+
+    @property
+    def message(self) -> str:
+        """The source in a few words."""
+        return _SOURCES[self]
+
+
+_SOURCES = {
+    SideSource.RANGES: "the cone's own ranges",
+    SideSource.LAYOUT: "what is known of work zones and of the other cones",
+    SideSource.STATEMENT: "what was stated about the zone",
+    SideSource.OPEN: "nothing: the side is open",
+}
+
+
 class ReasonKind(StrEnum):
     """What may make a result unreliable, or limit it; programs use this, never the text."""
 
@@ -161,6 +183,12 @@ class AnchorFix:
     mirror_covariance_m2 : (2, 2), optional
         Covariance of ``mirror_position_m`` given that the anchor stands there, in square metres;
         NaN where it is unknown.
+    mirror_probability_by_ranges
+        The same by the anchor's own ranges alone, however the sides were decided; above 1/2 where
+        they prefer the mirror position, NaN where it is unknown.
+    side_source
+        What brings ``mirror_probability`` below the level at which a side is open: the ranges
+        alone, or only the layout of work zones, or only what a user stated.
     side_is_open
         Whether the mirror position is too probable to ignore: with status ``ambiguous``, and in
         addition to a status that says something worse.
@@ -168,7 +196,7 @@ class AnchorFix:
     Raises
     ------
     InputError
-        If shapes are wrong, ``mirror_probability`` lies outside [0, 1], or the position is not
+        If shapes are wrong, a probability lies outside [0, 1], or the position is not
         finite exactly where the status says that there is one.
     """
 
@@ -183,6 +211,8 @@ class AnchorFix:
     mirror_covariance_m2: Float64[Array, "2 2"] = field(
         default_factory=lambda: np.full((2, 2), np.nan)
     )
+    mirror_probability_by_ranges: float = np.nan
+    side_source: SideSource = SideSource.OPEN
     side_is_open: bool = False
 
     def __post_init__(self) -> None:
@@ -202,11 +232,12 @@ class AnchorFix:
                 f"{self.status.value!r}",
                 column="position_m",
             )
-        if not 0.0 <= self.mirror_probability <= 1.0:
-            raise InputError(
-                f"{self.anchor_id!r}: expected a probability, got {self.mirror_probability}",
-                column="mirror_probability",
-            )
+        for name in ("mirror_probability", "mirror_probability_by_ranges"):
+            value = getattr(self, name)
+            unknown = name == "mirror_probability_by_ranges" and np.isnan(value)
+            if not (unknown or 0.0 <= value <= 1.0):
+                problem = f"{self.anchor_id!r}: expected a probability, got {value}"
+                raise InputError(problem, column=name)
 
     @property
     def has_mirror(self) -> bool:

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Bool, ConfigError
+from gaia_uwb._shared import Array, Bool, ConfigError, some_of
 from gaia_uwb.alignment import align, calibrate, log_problems
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoised import DenoisedRanges
@@ -221,7 +221,8 @@ def reconstruct_passes(
         for episode, ranges in zip(passes, denoised, strict=True)
     ]
     facts = KnownFacts.of(config.prior, first[0])
-    decision = decide_sides(ids, fused.hypotheses, config.sides, config.solver, facts)
+    settings = (config.sides, config.solver, facts)
+    decision = decide_sides(ids, fused.hypotheses, first[0].position_m, *settings)
     with_all = [episode for episode, _ in (first, *more)]
     anchors = counted_in_readings(mark_moved(decision.anchors, fused), with_all, config)
     boundary = make_boundary(np.stack([anchor.position_m for anchor in anchors]))
@@ -278,7 +279,17 @@ def reconstruct_episodes(
         status = ReconstructionStatus.UNRELIABLE if reasons else ReconstructionStatus.OK
         possible = (decision.hypotheses, decision.combinations)
         results.append(
-            Reconstruction(episode, ranges, anchors, boundary, status, reasons, config, possible)
+            Reconstruction(
+                episode,
+                ranges,
+                anchors,
+                boundary,
+                status,
+                reasons,
+                config,
+                possible,
+                zone_notes=decision.notes,
+            )
         )
     return results
 
@@ -377,19 +388,23 @@ def _decide(
     knows of zones has no say.
     """
     decisions = []
-    found = _found(episodes, denoiser, denoised, config, true_nlos)
-    for k, (episode, (places, rough)) in enumerate(zip(episodes, found, strict=True)):
+    located = _found(episodes, denoiser, denoised, config, true_nlos)
+    for k, (episode, (places, rough)) in enumerate(zip(episodes, located, strict=True)):
         zone = denoised[k].zone
         facts = KnownFacts.of(config.prior, episode)
         settings = (config.sides, config.solver, facts)
         if zone is None or config.solver.kind != "robust" or not config.sides.joint:
-            decisions.append(decide_sides(episode.anchor_ids, places, *settings))
+            path_m = episode.position_m
+            decisions.append(decide_sides(episode.anchor_ids, places, path_m, *settings))
             continue
-        zone = widened(zone, episode, config.solver) if rough else dispose(zone, places).zone
-        by_ranges = None if rough else places
-        decisions.append(
-            decide_zone(episode.anchor_ids, zone, places.n_ranges, *settings, by_ranges)
-        )
+        known = (places.n_ranges, *settings)
+        if rough:
+            zone = widened(zone, episode, config.solver)
+            decisions.append(decide_zone(episode.anchor_ids, zone, *known))
+            continue
+        found = dispose(zone, places)
+        decision = decide_zone(episode.anchor_ids, found.zone, *known, found.by_ranges)
+        decisions.append(replace(decision, notes=found.notes(episode.anchor_ids)))
     return decisions
 
 
@@ -537,5 +552,4 @@ def _listed(ids: Sequence[str], n_cones: int) -> str:
     """Name up to five cones, or say that it is all of them."""
     if len(ids) == n_cones > 1:
         return "both cones" if n_cones == 2 else f"all {n_cones} cones"
-    more = f" and {len(ids) - 5} more" if len(ids) > 5 else ""
-    return f"{', '.join(ids[:5])}{more}"
+    return some_of(ids)

@@ -6,6 +6,7 @@ from gaia_uwb.config import SidesConfig
 from gaia_uwb.locate.hypotheses import Hypotheses
 
 ALONE = SidesConfig(joint=False)
+PATH_M = np.stack([np.arange(-10.0, 2500.0), np.zeros(2510)], axis=1)  # of :func:`make_hypotheses`
 
 
 def make_hypotheses(n, seed=0, odds=1.0, sigma_m=0.3):

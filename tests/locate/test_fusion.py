@@ -107,7 +107,7 @@ def test_an_anchor_moved_between_passes_is_noticed(k, by_m):
     (apart,) = together.disagreements
     assert (apart.anchor_id, apart.pass_name) == (IDS[k], "the last one")
     assert apart.distance_m > 1.2
-    fixes = mark_moved(resolve_sides(IDS, together.hypotheses), together)
+    fixes = mark_moved(resolve_sides(IDS, together.hypotheses, late.position_m), together)
     assert [fix.anchor_id for fix in fixes if fix.status is AnchorStatus.MOVED] == [IDS[k]]
     (reason,) = together.reasons()
     assert reason.kind is ReasonKind.PASSES_APART

@@ -11,7 +11,7 @@ from gaia_uwb.scene import LocalFrame
 from gaia_uwb.simulate import PRESETS, simulate_pass
 from gaia_uwb.zone.known_facts import KnownFacts
 from gaia_uwb.zone.sides import decide_sides
-from two_places import make_hypotheses
+from two_places import PATH_M, make_hypotheses
 
 SITE = LocalFrame(lat_deg=48.1, lon_deg=11.5, alt_m=520.0)
 NO_CLUE = 0.05  # log odds of ranges along a straight path
@@ -30,7 +30,7 @@ def make_episode(n, frame=None):
 def decide(found, frame=None, **said):
     episode = make_episode(len(found.log_odds), frame)
     facts = KnownFacts.of(PriorConfig(**said), episode)
-    return decide_sides(episode.anchor_ids, found, facts=facts)
+    return decide_sides(episode.anchor_ids, found, episode.position_m, facts=facts)
 
 
 def wrong_sides(decision, true_m):
@@ -45,7 +45,7 @@ def worst_mirror(decision):
 def test_nothing_said_is_nothing_known_and_changes_nothing() -> None:
     assert KnownFacts.of(PriorConfig(), make_episode(3)) is None
     found, _ = make_hypotheses(6, seed=2, odds=1.0)
-    plain = decide_sides([f"cone-{k}" for k in range(6)], found)
+    plain = decide_sides([f"cone-{k}" for k in range(6)], found, PATH_M)
     for one, other in zip(plain.anchors, decide(found).anchors, strict=True):
         assert np.array_equal(one.position_m, other.position_m)
         assert np.array_equal(one.covariance_m2, other.covariance_m2)
@@ -63,14 +63,15 @@ def test_a_known_side_settles_what_ranges_leave_open(side) -> None:
 
 
 @pytest.mark.parametrize("error", [0.02, 0.2])
-def test_a_statement_counts_in_full_whatever_the_ranges_errors_share(error) -> None:
+def test_a_statement_may_be_wrong_as_a_whole_and_of_the_cone(error) -> None:
     found, _ = make_hypotheses(1, sigma_m=0.1)
     found.log_odds[:] = 0.0
     (fix,) = decide(found, side="left", statement_error=error).anchors
     # It says nothing at all, or holds but for single cones; per cone against 1/2 without it.
     left, right = (error + (1.0 - error) * 2.0 * share for share in (1.0 - error, error))
     assert fix.position_m[1] > 0.0
-    assert fix.mirror_probability == pytest.approx(right / (left + right), rel=1e-3)
+    expected = (1.0 - error) * right / (left + right) + error * 0.5
+    assert fix.mirror_probability == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_wrong_side_is_told_and_not_used() -> None:
@@ -86,31 +87,51 @@ def test_a_wrong_side_is_told_and_not_used() -> None:
         assert np.array_equal(one.position_m, other.position_m)
 
 
-def test_one_cone_on_the_other_side_is_named() -> None:
-    found, true_m = make_hypotheses(6, seed=5, odds=30.0)
+def test_a_cone_that_its_ranges_place_on_the_other_side_is_enough() -> None:
+    found, _ = make_hypotheses(6, seed=5, odds=30.0)
     found.position_m[2] *= [1.0, -1.0]
+    found.log_odds[4:] = NO_CLUE
     decision = decide(found, side="left")
-    assert wrong_sides(decision, true_m) == 1
     (reason,) = decision.reasons
-    assert (reason.kind, reason.cones) == (ReasonKind.EXCEPTION, ("cone-2",))
+    assert (reason.kind, reason.cones) == (ReasonKind.STATEMENT, ("cone-2",))
     assert str(reason) == (
-        "the ranges place cone-2 on the right; all cones were stated to be on the left"
+        'the ranges contradict "all cones are on the left", so it is not used: those of cone-2 '
+        "rule it out"
     )
+    for one, other in zip(decide(found).anchors, decision.anchors, strict=True):
+        assert one.mirror_probability == other.mirror_probability
 
 
-@pytest.mark.parametrize("seed", [0, 3])
-def test_a_closure_keeps_all_cones_to_one_side(seed) -> None:
-    scene = simulate_pass(PRESETS["straight"], seed=seed)
+def test_many_cones_that_are_none_of_them_sure_contradict_together() -> None:
+    found, _ = make_hypotheses(12, odds=30.0)
+    found.log_odds[:] = 1.0
+    assert decide(found, side="left").reasons == ()
+    (reason,) = decide(found, side="right").reasons
+    assert reason.kind is ReasonKind.STATEMENT and reason.cones == ()
+    assert reason.numbers["likelihood_ratio"] > 100.0
+    assert "layout" not in str(reason)
 
-    def wrong(**said):
-        config = make_config({"denoiser": "raw", "prior": said})
-        anchors = reconstruct(scene, config).anchors
-        off_m = np.stack([fix.position_m for fix in anchors]) - scene.truth.anchor_m
-        return int((np.hypot(*off_m.T) > 1.5).sum())
 
-    assert wrong() not in (0, 8)
-    assert wrong(closure="lane-closure") in (0, 8)
-    assert wrong(closure="median-crossover") == wrong()
+def test_a_closure_is_contradicted_by_cones_on_both_sides_only() -> None:
+    found, _ = make_hypotheses(6, seed=5, odds=30.0)
+    assert decide(found, closure="lane-closure").reasons == ()
+    found.position_m[1] *= [1.0, -1.0]
+    (reason,) = decide(found, closure="lane-closure").reasons
+    assert (reason.statements, reason.cones) == (("closure",), ("cone-1",))
+
+
+def test_a_closure_keeps_all_cones_to_one_side() -> None:
+    found, _ = make_hypotheses(8, odds=NO_CLUE)
+    found.position_m[..., 0] *= 3.0
+
+    def on_both_sides(**said):
+        kept = decide(found, **said).combinations
+        left = np.where(kept.side == 0, found.position_m[:, 0, 1], found.position_m[:, 1, 1]) > 0
+        return kept.weight @ (left.any(axis=1) & ~left.all(axis=1))
+
+    assert on_both_sides() > 0.15
+    assert on_both_sides(closure="lane-closure") < 0.05
+    assert on_both_sides(closure="median-crossover") == on_both_sides()
 
 
 def test_a_surveyed_cone_has_its_side_and_a_better_place() -> None:

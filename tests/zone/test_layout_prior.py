@@ -5,7 +5,7 @@ import pytest
 from scipy.special import multigammaln
 
 from gaia_uwb.zone import layout_prior
-from gaia_uwb.zone.layout_prior import joint_places
+from gaia_uwb.zone.layout_prior import SHARED_ERRORS, joint_places, place_jointly
 
 PRIOR = [(dof, size) for dof in layout_prior._SHAPES for size in layout_prior._SIZES_M]
 
@@ -110,3 +110,24 @@ def test_unsure_anchors_are_drawn_to_the_others_and_sure_ones_stay():
     best = unsure.log_evidence[0].argmax()
     assert np.linalg.norm(unsure.place_m[0, best, 3] - [1.0, 0.2]) < 5.0
     assert np.linalg.eigvalsh(unsure.covariance_m2[0, best, 3])[1] < 100.0
+
+
+def test_a_place_is_as_unsure_as_all_shapes_of_the_zone_together() -> None:
+    """Draw a shape by its evidence, a place by its own errors, and what is common to all."""
+    rng = np.random.default_rng(5)
+    true_m = np.array([[0.0, 4.0], [4.0, 4.2], [9.0, 3.8], [13.0, 4.0]])
+    covariance_m2 = np.tile(np.diag([0.3, 6.0]), (4, 1, 1))  # unsure across the path
+    place_m = true_m + rng.standard_normal((4, 2)) * np.sqrt([0.3, 6.0])
+    found_m, found_m2 = place_jointly(place_m, covariance_m2)
+    joint = joint_places(place_m[None], (1.0 - SHARED_ERRORS) * covariance_m2[None])
+    weight = np.exp(joint.log_evidence[0] - joint.log_evidence[0].max())
+    shape = rng.choice(len(weight), size=100_000, p=weight / weight.sum())
+    for k in range(4):
+        common_m = rng.multivariate_normal([0, 0], SHARED_ERRORS * covariance_m2[k], len(shape))
+        root = np.linalg.cholesky(joint.covariance_m2[0, :, k])[shape]
+        noise_m = (root @ rng.standard_normal((len(shape), 2, 1)))[..., 0]
+        drawn_m = joint.place_m[0, shape, k] + noise_m + common_m
+        assert drawn_m.mean(axis=0) == pytest.approx(found_m[k], abs=0.05)
+        assert np.cov(drawn_m.T) == pytest.approx(found_m2[k], rel=0.03, abs=0.03)
+        apart_m = np.ptp(joint.place_m[0, :, k], axis=0).max()
+        assert apart_m > 0.5  # the shapes do not agree, so their spread counts

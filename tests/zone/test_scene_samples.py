@@ -6,13 +6,13 @@ import pytest
 from gaia_uwb.config import SidesConfig
 from gaia_uwb.zone.scene_samples import sample_scenes
 from gaia_uwb.zone.sides import decide_sides
-from two_places import ALONE, make_hypotheses
+from two_places import ALONE, PATH_M, make_hypotheses
 
 MANY = 20_000
 
 
 def decide(found, config=SidesConfig()):
-    return decide_sides([f"cone-{k}" for k in range(len(found.log_odds))], found, config)
+    return decide_sides([f"cone-{k}" for k in range(len(found.log_odds))], found, PATH_M, config)
 
 
 @pytest.mark.parametrize("config", [SidesConfig(), ALONE])

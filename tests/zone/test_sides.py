@@ -3,41 +3,32 @@ import pytest
 
 from gaia_uwb.config import PriorConfig, SidesConfig, SolverConfig
 from gaia_uwb.estimate import AnchorStatus
-from gaia_uwb.zone import side_search, sides
+from gaia_uwb.zone import sides
 from gaia_uwb.zone.known_facts import KnownFacts
-from gaia_uwb.zone.layout_prior import joint_places
+from gaia_uwb.zone.neighbour_sides import NeighbourSides
 from gaia_uwb.zone.sides import decide_sides, resolve_sides
-from two_places import ALONE, make_hypotheses
+from two_places import ALONE, PATH_M, make_hypotheses
 
 
 def resolve(found, config=SidesConfig(), solver=SolverConfig()):
-    return resolve_sides([f"cone-{k}" for k in range(len(found.log_odds))], found, config, solver)
-
-
-def total_evidence(found, side):
-    rows = np.arange(len(side))
-    share = 1.0 - side_search.SHARED_ERRORS
-    joint = joint_places(
-        found.position_m[rows, side][None], share * found.covariance_m2[rows, side][None]
+    return resolve_sides(
+        [f"cone-{k}" for k in range(len(found.log_odds))], found, PATH_M, config, solver
     )
-    return np.logaddexp.reduce(joint.log_evidence[0]) - (side * found.log_odds).sum()
 
 
-@pytest.mark.parametrize("climb", [False, True])
+@pytest.mark.parametrize("listed", [True, False])
 @pytest.mark.parametrize("n", [2, 5, 8])
-def test_the_joint_decision_is_the_best_of_all_combinations(n, climb, monkeypatch):
+def test_the_joint_decision_is_the_best_of_all_combinations(n, listed, monkeypatch):
     found, _ = make_hypotheses(n, seed=n)
-    if climb:
-        monkeypatch.setattr(sides, "_ENUMERATE", 0)
+    if not listed:
+        monkeypatch.setattr(sides, "_LISTED", 0)
     combinations = (np.arange(2**n)[:, None] >> np.arange(n)) & 1
-    evidence = np.array([total_evidence(found, c) for c in combinations])
-    best = combinations[evidence.argmax()]
-    weight = np.exp(side_search.SHARED_ERRORS * (evidence - evidence.max()))
-    mirror = (weight[:, None] * (combinations != best)).sum(axis=0) / weight.sum()
+    weight = np.exp(NeighbourSides.of(found, np.arange(n), PATH_M).log_weight(combinations))
+    best = combinations[weight.argmax()]
+    mirror = weight @ (combinations != best)
     for k, fix in enumerate(resolve(found)):
         assert np.array_equal(fix.mirror_position_m, found.position_m[k, 1 - best[k]])
-        if not climb:
-            assert fix.mirror_probability == pytest.approx(mirror[k], abs=1e-4)
+        assert fix.mirror_probability == pytest.approx(mirror[k], abs=1e-9)
 
 
 def test_together_they_know_the_side_better_than_each_alone():
@@ -88,15 +79,9 @@ def test_joint_probabilities_are_cautious():
         assert wrong[part].mean() < mirror[part].mean() + 0.1
 
 
-def test_the_climb_over_many_open_anchors_is_bounded(monkeypatch):
-    looked = []
-    original = side_search.Search.look_at
-    monkeypatch.setattr(
-        side_search.Search, "look_at", lambda self, c: looked.append(len(c)) or original(self, c)
-    )
+def test_of_many_open_anchors_a_row_stands_on_one_side():
     found, true_m = make_hypotheses(35, seed=4, odds=0.3)
     places = np.stack([fix.position_m for fix in resolve(found)])
-    assert sum(looked) < 3 * (35 * 60)
     right = (places[:, 1] * true_m[:, 1] > 0).mean()
     assert right > 0.9 or right < 0.1  # all on one side: which one, hardly anything tells
 
@@ -170,9 +155,8 @@ def test_of_an_open_side_and_a_poor_place_the_poor_place_is_told():
 
 def test_a_side_that_was_known_anyway_leaves_places_as_sure_as_they_were():
     found, _ = make_hypotheses(5, odds=60.0)
-    path_m = np.stack([np.arange(-10.0, 50.0), np.zeros(60)], axis=1)
-    facts = KnownFacts(PriorConfig(side="left"), path_m, {}, tuple("abcde"))
-    plain, told = decide_sides("abcde", found), decide_sides("abcde", found, facts=facts)
+    facts = KnownFacts(PriorConfig(side="left"), PATH_M, {}, tuple("abcde"))
+    plain, told = (decide_sides("abcde", found, PATH_M, facts=said) for said in (None, facts))
     assert told.reasons == ()
     for one, other in zip(plain.anchors, told.anchors, strict=True):
         assert other.position_m == pytest.approx(one.position_m)
@@ -182,7 +166,7 @@ def test_a_side_that_was_known_anyway_leaves_places_as_sure_as_they_were():
 @pytest.mark.parametrize("config", [SidesConfig(), ALONE])
 def test_the_likeliest_combinations_are_kept_and_the_choice_is_the_first(config):
     found, _ = make_hypotheses(5, seed=6, odds=1.0)
-    decision = decide_sides("abcde", found, config)
+    decision = decide_sides("abcde", found, PATH_M, config)
     kept = decision.combinations
     for k, fix in enumerate(decision.anchors):
         assert np.array_equal(fix.mirror_position_m, found.position_m[k, 1 - kept.side[0, k]])

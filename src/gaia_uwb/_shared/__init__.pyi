@@ -71,5 +71,6 @@ from .text import (
     printable as printable,
     shortened as shortened,
     shown as shown,
+    some_of as some_of,
     written_out as written_out,
 )

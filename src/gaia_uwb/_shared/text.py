@@ -9,6 +9,7 @@ from __future__ import annotations
 import html
 import re
 import reprlib
+from collections.abc import Sequence
 
 # What CommonMark, GitHub's tables, automatic links, mentions, mathematics and smileys act on.
 _MARKS = re.compile(r"([\\`*_{}\[\]()<>#!|&~$@])")
@@ -169,3 +170,20 @@ def counted(n: int, one: str, many: str | None = None) -> str:
     ('1 row', '12,000 rows', '2 fixes')
     """
     return f"{n:,} {one if n == 1 else many or f'{one}s'}"
+
+
+def some_of(names: Sequence[str]) -> str:
+    """Name up to five, and say how many more there are.
+
+    Parameters
+    ----------
+    names
+        At least one.
+
+    Examples
+    --------
+    >>> some_of(["a", "b"]), some_of(list("abcdefg"))
+    ('a, b', 'a, b, c, d, e and 2 more')
+    """
+    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+    return f"{', '.join(names[:5])}{more}"

@@ -1,7 +1,7 @@
 """What was decided about the sides on which the anchors stand, however it was decided.
 
-Two ways lead here: ``sides.py`` decides by the ranges and a layout prior, ``network_sides.py`` by
-what a denoiser says of the whole zone. Both give a :class:`Decision`, made by :func:`make_fix`.
+Two ways lead here: ``sides.py`` decides by ranges and neighbours, ``network_sides.py`` by what a
+denoiser says of the whole zone. Both give a :class:`Decision`, made by :func:`make_fix`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Float64, Int64
 from gaia_uwb.config import SidesConfig, SolverConfig
-from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason
+from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, SideSource
 from gaia_uwb.locate import Hypotheses
 
 KEPT = 32
@@ -34,7 +34,7 @@ class Combinations:
         Probabilities; they sum to 1. At most 32 combinations, or as few as hold 99.9 % of the
         evidence.
     joint
-        Whether the layout prior had a say in them.
+        Whether places are joint, too, by the layout prior (``layout_prior.py``).
     learned
         Whether they come from a denoiser that locates anchors itself (``network_sides.py``).
     """
@@ -42,7 +42,7 @@ class Combinations:
     located: Int64[Array, "M"]
     side: Int64[Array, "K M"]
     weight: Float64[Array, "K"]
-    joint: bool
+    joint: bool = False
     learned: bool = False
 
 
@@ -60,20 +60,19 @@ class Decision:
         Both places of each anchor, with what was surveyed of them.
     reasons
         What the ranges say against what was known beforehand.
+    notes
+        What else there is to say of the decision, in words.
     """
 
     anchors: tuple[AnchorFix, ...]
     combinations: Combinations
     hypotheses: Hypotheses
     reasons: tuple[Reason, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def kept_combinations(
-    side: Int64[Array, "K M"],
-    weight: Float64[Array, "K"],
-    located: Int64[Array, "M"],
-    *,
-    joint: bool,
+    side: Int64[Array, "K M"], weight: Float64[Array, "K"], located: Int64[Array, "M"]
 ) -> Combinations:
     """Keep the combinations that matter, the likeliest first.
 
@@ -85,13 +84,11 @@ def kept_combinations(
         Above 0, on any scale.
     located : (M,)
         Indices of the anchors.
-    joint
-        Like :class:`Combinations`.
     """
     order = np.argsort(-weight, kind="stable")
     share = np.cumsum(weight[order]) / weight.sum()
     order = order[: min(KEPT, int(np.searchsorted(share, _KEPT_EVIDENCE)) + 1)]
-    return Combinations(located, side[order], weight[order] / weight[order].sum(), joint)
+    return Combinations(located, side[order], weight[order] / weight[order].sum())
 
 
 @dataclass(frozen=True)
@@ -110,6 +107,10 @@ class ChosenPlace:
         Of the other place, given that the anchor stands there.
     mirror_probability
         Of the anchor's standing at the other place.
+    by_ranges
+        The same by its ranges alone; NaN where it is unknown.
+    unstated
+        The same by all that is known but what a user said.
     range_bias_m
         Own bias of the anchor's ranges, in metres; NaN where none was estimated.
     converged
@@ -123,6 +124,8 @@ class ChosenPlace:
     mirror_position_m: Float64[Array, "2"]
     mirror_covariance_m2: Float64[Array, "2 2"]
     mirror_probability: float
+    by_ranges: float
+    unstated: float
     range_bias_m: float = np.nan
     converged: bool = True
     fits: bool = True
@@ -170,8 +173,19 @@ def make_fix(
         n_ranges=n_ranges,
         range_bias_m=place.range_bias_m,
         mirror_covariance_m2=place.mirror_covariance_m2,
+        mirror_probability_by_ranges=place.by_ranges,
+        side_source=_source_of(place, config.ambiguous_above),
         side_is_open=place.mirror_probability > config.ambiguous_above,
     )
+
+
+def _source_of(place: ChosenPlace, ambiguous_above: float) -> SideSource:
+    """Return what decides the side: the first thing that is enough."""
+    if place.mirror_probability > ambiguous_above:
+        return SideSource.OPEN
+    if place.by_ranges <= ambiguous_above:
+        return SideSource.RANGES
+    return SideSource.LAYOUT if place.unstated <= ambiguous_above else SideSource.STATEMENT
 
 
 def _status_of(place: ChosenPlace, config: SidesConfig, solver: SolverConfig) -> AnchorStatus:

@@ -9,7 +9,8 @@ neighbours.
 Nothing is treated as certain: with the small probability ``statement_error`` a statement says
 nothing at all, and where it holds it may be wrong for single cones or pairs. So a wrong statement
 costs a bounded amount of evidence, and good ranges outvote it. Whether it holds is judged by the
-evidence with it over that without it (Bayes factor): below 1/20, it is reported as contradicted.
+ranges alone first, then with what is known of layouts (``statement.py``): what is contradicted is
+reported and not used, so that it pulls no side that is open.
 
 The side is that of the nearest stretch of path, in the direction of travel. A type of closure only
 says that all cones are on one side, left or right; a median crossover says nothing.
@@ -22,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gaia_uwb._shared import Array, ConfigError, Float64, Int64
+from gaia_uwb._shared import Array, ConfigError, Float64, Int64, some_of
 from gaia_uwb.config import KnownAnchor, PriorConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import Reason, ReasonKind
@@ -36,6 +37,7 @@ _ANYWHERE_M2 = np.pi * 100.0**2  # where a cone may be whose surveyed place is w
 _CONSISTENT = 13.8  # squared distance in standard deviations: 99.9 % of two coordinates are nearer
 _NEIGHBOUR_SIGMA = 3.0
 _CLEARLY_NOT = 0.05
+_RULED_OUT = 1e-3  # probability by a cone's ranges alone that is enough against what was said of it
 _ROUNDS = 3
 
 
@@ -139,6 +141,7 @@ class KnownFacts:
         located: Int64[Array, "M"],
         side: Int64[Array, "K M"],
         weight: Float64[Array, "K"],
+        second: Float64[Array, "M"],
     ) -> tuple[KnownFacts | None, tuple[Reason, ...]]:
         """Return the facts that the ranges do not contradict, and reasons against the others.
 
@@ -148,8 +151,15 @@ class KnownFacts:
             As in :meth:`statements`.
         weight : (K,)
             The combinations' probabilities without the facts.
+        second : (M,)
+            Probability of each anchor's second place by its ranges alone; NaN where it is unknown.
         """
-        said = self.statements(hypotheses, located, side)
+        share = np.stack([1.0 - second, second], axis=1)
+        share = np.where(np.isnan(share), 0.5, share)
+        said = [
+            self._by_ranges(statement, hypotheses, located, side, share)
+            for statement in self.statements(hypotheses, located, side)
+        ]
         against = [statement.contradiction(weight) for statement in said]
         holds = self.only([reason is None for reason in against], said)
         return holds, tuple(reason for reason in against if reason is not None)
@@ -179,7 +189,7 @@ class KnownFacts:
         self,
         place_m: Float64[Array, "M 2"],
         covariance_m2: Float64[Array, "M 2 2"],
-        ids: Sequence[str],
+        located: Int64[Array, "M"],
         reasons: Sequence[Reason],
     ) -> tuple[Reason, ...]:
         """Name the cones that are clearly not on the stated side, if there are any.
@@ -188,8 +198,8 @@ class KnownFacts:
         ----------
         place_m, covariance_m2 : (M, 2), (M, 2, 2)
             Where the cones were found, in metres, and how certain that is.
-        ids
-            Their names.
+        located : (M,)
+            Their indices.
         reasons
             Reasons already found against a statement: one that is not used has no exceptions.
         """
@@ -198,14 +208,51 @@ class KnownFacts:
             return ()
         left = self._path.left_probability(place_m[:, None], covariance_m2[:, None])[:, 0]
         holds = left if side == "left" else 1.0 - left
-        wrong = [name for name, share in zip(ids, holds, strict=True) if share < _CLEARLY_NOT]
+        wrong = self._names(located[holds < _CLEARLY_NOT])
         if not wrong:
             return ()
         other = "right" if side == "left" else "left"
-        more = f" and {len(wrong) - 5} more" if len(wrong) > 5 else ""
-        names = f"{', '.join(wrong[:5])}{more}"
-        text = f"the ranges place {names} on the {other}; all cones were stated to be on the {side}"
-        return (Reason(ReasonKind.EXCEPTION, text, cones=tuple(wrong), statements=("side",)),)
+        text = (
+            f"the ranges place {some_of(wrong)} on the {other}; all cones were stated to be on the "
+            f"{side}"
+        )
+        return (Reason(ReasonKind.EXCEPTION, text, cones=wrong, statements=("side",)),)
+
+    def _names(self, indices: Int64[Array, "_"]) -> tuple[str, ...]:
+        return tuple(self.anchor_ids[n] for n in indices.tolist())
+
+    def _by_ranges(
+        self,
+        statement: Statement,
+        hypotheses: Hypotheses,
+        located: Int64[Array, "M"],
+        side: Int64[Array, "K M"],
+        share: Float64[Array, "M 2"],
+    ) -> Statement:
+        """Return a statement with what the ranges alone say of it.
+
+        ``share`` is the probability of both places of each cone; sides are independent.
+        """
+        if statement.setting in ("side", "closure"):
+            left = self._path.left_probability(
+                hypotheses.position_m[located], hypotheses.covariance_m2[located]
+            )
+            ratio = [
+                float(np.exp(np.log((share * self._of_cone(holds)).sum(axis=1)).sum()))
+                for holds in (left, 1.0 - left)
+            ]
+            on_left = (share * left).sum(axis=1)
+            not_left, not_right = (located[p < _RULED_OUT] for p in (on_left, 1.0 - on_left))
+            if statement.setting == "closure":
+                few = min(not_left, not_right, key=len)
+                return replace(statement, by_ranges=0.5 * sum(ratio), ruled_out=self._names(few))
+            k = 0 if self.prior.side == "left" else 1
+            return replace(
+                statement, by_ranges=ratio[k], ruled_out=self._names((not_left, not_right)[k])
+            )
+        log_weight = np.log(np.maximum(share, 1e-300))[np.arange(len(located)), side].sum(axis=1)
+        weight = np.exp(log_weight - log_weight.max())
+        return replace(statement, by_ranges=statement.bayes_factor(weight))
 
     def _statement(self, words: str, setting: str, log_ratio: Float64[Array, "K"]) -> Statement:
         error = self.prior.statement_error
@@ -216,9 +263,12 @@ class KnownFacts:
 
         ``holds`` is the probability that the cone stands there, given its place's error.
         """
+        return np.asarray(np.log(self._of_cone(holds)).sum(axis=1))
+
+    def _of_cone(self, holds: Float64[Array, "_ _"]) -> Float64[Array, "_ _"]:
+        """Return how much likelier each place is if all cones but for mistakes are on a side."""
         error = self.prior.statement_error
-        each = np.log((1.0 - error) * holds + error * (1.0 - holds)) + np.log(2.0)
-        return np.asarray(each.sum(axis=1))
+        return np.asarray(2.0 * ((1.0 - error) * holds + error * (1.0 - holds)))
 
     def _spaced(
         self, hypotheses: Hypotheses, located: Int64[Array, "M"], side: Int64[Array, "K M"]

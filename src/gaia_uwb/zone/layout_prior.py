@@ -1,4 +1,4 @@
-"""How work zones look: a prior on the places of all anchors together.
+"""How work zones look: a prior on the places of all anchors together, given their sides.
 
 Anchors of one zone stand near each other, often along a line, at a scale nobody knows beforehand.
 As a model: ``a_i ~ N(mu, Sigma)`` with any centre ``mu`` and ``Sigma`` inverse-Wishart with ``dof``
@@ -29,6 +29,12 @@ from gaia_uwb._shared import Array, Float64, Symmetric
 _STEPS, _STILL_M = 40, 1e-4  # at most so many, until no place moves farther
 _SHAPES = (2.0, 40.0)  # degrees of freedom: a line of cones, a round cluster
 _SIZES_M = (128.0, 32.0, 8.0, 2.0, 0.7)
+SHARED_ERRORS = 0.5
+"""Part of the anchors' variances that is common to all of them (the trajectory's, the clock's).
+
+In the outdoor data set about half of the residuals' variance is. Only the other half bears on where
+an anchor stands among the others: what is common moves the zone as a whole.
+"""
 
 
 @dataclass(frozen=True)
@@ -55,6 +61,28 @@ class JointPlaces:
     own_m2: Float64[Array, "K L N 2 2"]
     pull_per_m2: Float64[Array, "K L 2 2"]
     log_evidence: Float64[Array, "K L"]
+
+
+def place_jointly(
+    place_m: Float64[Array, "N 2"], covariance_m2: Float64[Array, "N 2 2"]
+) -> tuple[Float64[Array, "N 2"], Float64[Array, "N 2 2"]]:
+    """Return places and covariances, averaged over shapes and sizes.
+
+    Parameters
+    ----------
+    place_m, covariance_m2 : (N, 2), (N, 2, 2)
+        Each anchor's own place and covariance. What is common to all anchors says nothing of where
+        one stands among the others.
+    """
+    common_m2 = SHARED_ERRORS * covariance_m2
+    joint = joint_places(place_m[None], (covariance_m2 - common_m2)[None])
+    weight = np.exp(joint.log_evidence[0] - joint.log_evidence[0].max())
+    weight /= weight.sum()
+    mean_m = np.einsum("l,lni->ni", weight, joint.place_m[0])
+    off_m = joint.place_m[0] - mean_m
+    between_m2 = np.einsum("l,lni,lnj->nij", weight, off_m, off_m)
+    within_m2 = np.einsum("l,lnij->nij", weight, joint.covariance_m2[0])
+    return mean_m, within_m2 + between_m2 + common_m2
 
 
 def joint_places(

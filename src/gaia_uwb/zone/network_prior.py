@@ -10,11 +10,12 @@ the ranges beyond chance is dropped.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Bool, Float64
+from gaia_uwb._shared import Array, Bool, Float64, some_of
 from gaia_uwb.denoised import ZonePosterior
 from gaia_uwb.locate import Hypotheses
 
@@ -22,6 +23,23 @@ _BEYOND_CHANCE = 13.8  # squared distance in standard deviations: 99.9 % of two 
 _BY_HAND_M = 0.3  # to which a cone's place follows from those of the others, at best
 _LARGEST_ODDS = 30.0
 _RANGES_DECIDE = 6.9  # odds of a side by the ranges, 1000 to 1, beyond which no prior is asked
+_HARDLY = 0.001  # probability that a network gave to what is so: less is beyond chance, 99.9 %
+
+
+@dataclass(frozen=True)
+class ByRanges:
+    """What the ranges alone say of anchors that a network locates, too.
+
+    Parameters
+    ----------
+    hypotheses
+        Both places of each, the better-fitting first.
+    right_probability : (N,)
+        Of the place right of the path; NaN where either has located no anchor.
+    """
+
+    hypotheses: Hypotheses
+    right_probability: Float64[Array, "N"]
 
 
 @dataclass(frozen=True)
@@ -34,10 +52,34 @@ class Disposed:
         Places and sides.
     contradicted : (N,)
         Where the network's place of an anchor was dropped.
+    side_contradicted : (N,)
+        Where the ranges decide for a side that the network held for all but impossible.
+    by_ranges
+        What the ranges alone say.
     """
 
     zone: ZonePosterior
     contradicted: Bool[Array, "N"]
+    side_contradicted: Bool[Array, "N"]
+    by_ranges: ByRanges
+
+    def notes(self, anchor_ids: Sequence[str]) -> tuple[str, ...]:
+        """Say where ranges and network contradict each other beyond chance, in words.
+
+        Parameters
+        ----------
+        anchor_ids
+            The anchors' names.
+        """
+        notes = []
+        for what, where in (("position", self.contradicted), ("side", self.side_contradicted)):
+            names = [anchor_ids[n] for n in np.flatnonzero(where).tolist()]
+            if names:
+                notes.append(
+                    f"the ranges contradict the {what} that the network expects beyond chance "
+                    f"(99.9 %), so its {what} was not used: {some_of(names)}"
+                )
+        return tuple(notes)
 
 
 def dispose(zone: ZonePosterior, hypotheses: Hypotheses) -> Disposed:
@@ -78,7 +120,10 @@ def dispose(zone: ZonePosterior, hypotheses: Hypotheses) -> Disposed:
     use = (located[:, None] & ~far)[..., None]
     ratio = np.clip(odds[:, 0] - odds[:, 1], -_LARGEST_ODDS, _LARGEST_ODDS)
     decided = located & ((np.abs(ratio) > _RANGES_DECIDE) | contradicted)
-    left = np.where(decided, 1.0 / (1.0 + np.exp(-ratio)), zone.left_probability)
+    left_by_ranges = 1.0 / (1.0 + np.exp(-ratio))
+    left = np.where(decided, left_by_ranges, zone.left_probability)
+    network_left = zone.scene_probability @ zone.left_probability
+    its_side = np.where(ratio > 0.0, network_left, 1.0 - network_left)
     return Disposed(
         replace(
             zone,
@@ -87,6 +132,8 @@ def dispose(zone: ZonePosterior, hypotheses: Hypotheses) -> Disposed:
             left_probability=left,
         ),
         contradicted,
+        decided & (np.abs(ratio) > _RANGES_DECIDE) & (its_side < _HARDLY),
+        ByRanges(hypotheses, np.where(located, 1.0 - left_by_ranges, np.nan)),
     )
 
 

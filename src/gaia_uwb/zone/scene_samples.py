@@ -24,8 +24,7 @@ import numpy as np
 from gaia_uwb._shared import Array, Float64, Int64
 from gaia_uwb.locate import Curves, Hypotheses, square_root
 from gaia_uwb.zone.decision import Combinations
-from gaia_uwb.zone.layout_prior import joint_places
-from gaia_uwb.zone.side_search import SHARED_ERRORS
+from gaia_uwb.zone.layout_prior import SHARED_ERRORS, joint_places
 
 _SAMPLES = 512
 _FEWEST_SAMPLES = 256

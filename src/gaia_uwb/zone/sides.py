@@ -1,19 +1,17 @@
 """Decide on which side of the path each anchor stands: jointly, with probabilities.
 
 Ranges along a straight path fit an anchor's mirror image as well as the anchor. One anchor's ranges
-may leave the side open; all anchors of a zone together, which stand near each other
-(``layout_prior.py``), often settle it. Every combination of sides has an evidence: the likelihoods
-of the places it chooses, times how well they form a zone. Up to eight undecided anchors all
-combinations are compared; with more, the best is climbed to by single flips from several starts.
-The probability of an anchor's mirror image is the share of evidence of the combinations that put
-the anchor there. An anchor that stays undecided is called ambiguous.
+may leave the side open; all anchors of a zone together, of which neighbours stand alike
+(``neighbour_sides.py``), often settle it. The likeliest combination of sides is chosen, and an
+anchor's mirror image keeps the probability of all combinations that put the anchor there. An anchor
+that stays undecided is called ambiguous. Where anchors stand, given their sides, follows from their
+ranges and from those of the others (``layout_prior.py``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
 
@@ -30,17 +28,20 @@ from gaia_uwb.zone.decision import (
     make_fix,
 )
 from gaia_uwb.zone.known_facts import KnownFacts
-from gaia_uwb.zone.side_search import SHARED_ERRORS, Search, all_combinations
+from gaia_uwb.zone.layout_prior import place_jointly
+from gaia_uwb.zone.neighbour_sides import NeighbourSides
+from gaia_uwb.zone.path_sides import PathSides
+from gaia_uwb.zone.side_choice import SideChoice, choose, choose_with_facts
 
-Known: TypeAlias = Callable[[Int64[Array, "_ _"]], Float64[Array, "_"]]
-
-_ENUMERATE = 8  # undecided anchors of which all combinations are compared
+_LISTED = 8  # undecided anchors of which all combinations are listed
 _DECIDED = 12.0  # log odds beyond which the ranges alone decide
+_DRAWN = 2048  # combinations, where more are undecided
 
 
 def resolve_sides(
     anchor_ids: Sequence[str],
     hypotheses: Hypotheses,
+    path_m: Float64[Array, "T 2"],
     config: SidesConfig = SidesConfig(),
     solver: SolverConfig = SolverConfig(),
 ) -> tuple[AnchorFix, ...]:
@@ -52,6 +53,8 @@ def resolve_sides(
         The anchors' names.
     hypotheses
         Both places of each anchor.
+    path_m : (T, 2)
+        The path of the drive, or of one of several, in the direction of travel, in metres.
     config
         ``joint`` and ``ambiguous_above``.
     solver
@@ -62,12 +65,13 @@ def resolve_sides(
     tuple of AnchorFix
         One per anchor, in the order of ``anchor_ids``.
     """
-    return decide_sides(anchor_ids, hypotheses, config, solver).anchors
+    return decide_sides(anchor_ids, hypotheses, path_m, config, solver).anchors
 
 
 def decide_sides(
     anchor_ids: Sequence[str],
     hypotheses: Hypotheses,
+    path_m: Float64[Array, "T 2"],
     config: SidesConfig = SidesConfig(),
     solver: SolverConfig = SolverConfig(),
     facts: KnownFacts | None = None,
@@ -76,7 +80,7 @@ def decide_sides(
 
     Parameters
     ----------
-    anchor_ids, hypotheses, config, solver
+    anchor_ids, hypotheses, path_m, config, solver
         As in :func:`resolve_sides`.
     facts
         What is known of the zone beforehand; only with ``joint``.
@@ -84,13 +88,11 @@ def decide_sides(
     located = np.flatnonzero(np.isfinite(hypotheses.position_m).all(axis=(1, 2)))
     chosen = _apart(hypotheses)
     reasons: tuple[Reason, ...] = ()
-    if config.joint and facts is not None and len(located):
-        found, hypotheses, reasons = _with_facts(hypotheses, located, facts)
-        chosen, combinations = found.decision(chosen, located)
-        ids = [anchor_ids[n] for n in located.tolist()]
-        reasons += facts.exceptions(found.place_m, found.covariance_m2, ids, reasons)
-    elif config.joint and len(located) > 1:
-        chosen, combinations = _jointly(hypotheses, located).decision(chosen, located)
+    if config.joint and len(located):
+        found = _jointly(hypotheses, located, path_m, facts)
+        chosen = chosen.of(found, located, _one_place(hypotheses))
+        combinations = replace(found.combinations, joint=True)
+        hypotheses, reasons = found.hypotheses, found.reasons
     else:
         combinations = _independent(chosen.mirror_probability[located], located)
     chosen = _honest(hypotheses, chosen)
@@ -115,7 +117,31 @@ class _Choice:
     place_m: Float64[Array, "N 2"]
     covariance_m2: Float64[Array, "N 2 2"]
     mirror_probability: Float64[Array, "N"]
+    by_ranges: Float64[Array, "N"]
+    """Probability of the other place by the anchor's own ranges alone."""
+    unstated: Float64[Array, "N"]
+    """The same by ranges and neighbours, without what a user said."""
     mirror_covariance_m2: Float64[Array, "N 2 2"]
+
+    def of(
+        self, found: SideChoice, located: Int64[Array, "M"], one_place: Bool[Array, "N"]
+    ) -> _Choice:
+        """Return what was found of the located anchors; ``self`` takes the first places."""
+        side, place_m, covariance_m2 = self.side.copy(), self.place_m.copy(), self.covariance_m2
+        side[located], place_m[located] = found.side, found.place_m
+        covariance_m2 = covariance_m2.copy()
+        covariance_m2[located] = found.covariance_m2
+        mirror, unstated = self.mirror_probability.copy(), self.unstated.copy()
+        mirror[located], unstated[located] = found.mirror_probability, found.unstated
+        return replace(
+            self,
+            side=side,
+            place_m=place_m,
+            covariance_m2=covariance_m2,
+            mirror_probability=np.where(one_place, 0.0, mirror),
+            by_ranges=np.where((side == 1) & ~one_place, 1.0 - self.by_ranges, self.by_ranges),
+            unstated=np.where(one_place, 0.0, unstated),
+        )
 
 
 def _honest(hypotheses: Hypotheses, chosen: _Choice) -> _Choice:
@@ -151,6 +177,8 @@ def _apart(hypotheses: Hypotheses) -> _Choice:
         place_m=hypotheses.position_m[:, 0],
         covariance_m2=hypotheses.covariance_m2[:, 0],
         mirror_probability=mirror,
+        by_ranges=mirror,
+        unstated=mirror,
         mirror_covariance_m2=hypotheses.covariance_m2[:, 1],
     )
 
@@ -158,87 +186,79 @@ def _apart(hypotheses: Hypotheses) -> _Choice:
 def _independent(mirror: Float64[Array, "M"], located: Int64[Array, "M"]) -> Combinations:
     """Return combinations of sides that know nothing of each other; many are drawn, not listed."""
     open_sides = np.flatnonzero(mirror > np.exp(-_DECIDED))
-    if len(open_sides) <= _ENUMERATE:
-        side = all_combinations(len(located), open_sides)
+    if len(open_sides) <= _LISTED:
+        side = _all_combinations(len(located), open_sides)
         weight = np.where(side > 0, mirror, 1.0 - mirror).prod(axis=1)
-        return kept_combinations(side, weight, located, joint=False)
+        return kept_combinations(side, weight, located)
     drawn = np.random.default_rng(0).random((KEPT, len(located))) < mirror  # all of them are kept
     side, count = np.unique(drawn.astype(np.int64), axis=0, return_counts=True)
-    return kept_combinations(side, count.astype(np.float64), located, joint=False)
+    return kept_combinations(side, count.astype(np.float64), located)
+
+
+def _all_combinations(n: int, open_sides: Int64[Array, "M"]) -> Int64[Array, "K N"]:
+    """Return all combinations of sides of n anchors in which only some sides are open."""
+    bits = (np.arange(1 << len(open_sides))[:, None] >> np.arange(len(open_sides))) & 1
+    combinations = np.zeros((len(bits), n), dtype=np.int64)
+    combinations[:, open_sides] = bits
+    return combinations
 
 
 @dataclass(frozen=True)
-class _Comparison:
-    """Combinations of sides over the located anchors, compared."""
+class _Known:
+    """What ranges and neighbours say of the sides of M anchors."""
 
-    side: Int64[Array, "K M"]
-    weight: Float64[Array, "K"]
-    """Probabilities of all combinations that were considered."""
-    best: int
+    neighbours: NeighbourSides
     is_open: Bool[Array, "M"]
-    place_m: Float64[Array, "M 2"]
-    covariance_m2: Float64[Array, "M 2 2"]
-    """Joint places under the best combination."""
+    """Whether both places are to be considered."""
+    left: Bool[Array, "M 2"]
+    """Whether each place is left of the path."""
 
-    def decision(self, apart: _Choice, located: Int64[Array, "M"]) -> tuple[_Choice, Combinations]:
-        """Return the best combination with the probabilities of the others."""
-        best = self.side[self.best]
-        probability = np.clip((self.weight[:, None] * (self.side != best)).sum(axis=0), 0.0, 1.0)
-        # A mirror position that was not considered keeps what its own ranges leave it.
-        probability = np.where(self.is_open, probability, apart.mirror_probability[located])
-        side, place_m = apart.side.copy(), apart.place_m.copy()
-        covariance_m2, mirror = apart.covariance_m2.copy(), apart.mirror_probability.copy()
-        side[located], mirror[located] = best, probability
-        place_m[located], covariance_m2[located] = self.place_m, self.covariance_m2
-        choice = _Choice(side, place_m, covariance_m2, mirror, apart.mirror_covariance_m2)
-        return choice, kept_combinations(self.side, self.weight, located, joint=True)
+    def second(self) -> Float64[Array, "M"]:
+        return self.neighbours.second()
+
+    def log_weight(self, side: Int64[Array, "K M"]) -> Float64[Array, "K"]:
+        return self.neighbours.log_weight(side)
+
+    def drawn(self, count: int) -> Int64[Array, "K M"]:
+        return self.neighbours.drawn(count)
+
+    def candidates(self) -> Int64[Array, "K M"]:
+        """Return all combinations of a few open anchors, or those that are likely or may be said.
+
+        A user may say that all are on one side, or know better of a single anchor.
+        """
+        n, open_sides = len(self.is_open), np.flatnonzero(self.is_open)
+        if len(open_sides) <= _LISTED:
+            return _all_combinations(n, open_sides)
+        likeliest = self.neighbours.likeliest()
+        best = likeliest[int(np.argmax(self.log_weight(likeliest)))]
+        flips = np.eye(n, dtype=np.int64)[open_sides]
+        all_left = np.where(self.is_open & ~self.left[:, 0] & self.left[:, 1], 1, 0)
+        all_right = np.where(self.is_open & self.left[:, 0] & ~self.left[:, 1], 1, 0)
+        return np.concatenate([likeliest, best ^ flips, [all_left, all_right], self.drawn(_DRAWN)])
 
 
 def _jointly(
-    hypotheses: Hypotheses, located: Int64[Array, "M"], known: Known | None = None
-) -> _Comparison:
-    """Compare combinations of sides; ``known`` is the log likelihood of what else is known."""
+    hypotheses: Hypotheses,
+    located: Int64[Array, "M"],
+    path_m: Float64[Array, "T 2"],
+    facts: KnownFacts | None,
+) -> SideChoice:
+    """Choose the sides of all located anchors together."""
+    neighbours = NeighbourSides.of(hypotheses, located, path_m)
+    left = PathSides(path_m).are_left(hypotheses.position_m[located].reshape(-1, 2))
     odds = hypotheses.log_odds[located]
-    open_sides = np.flatnonzero((odds < _DECIDED) & ~_one_place(hypotheses)[located])
-    search = Search(
-        hypotheses.position_m[located],
-        hypotheses.covariance_m2[located],
-        odds,
-        None if known is None else lambda side: known(side) / SHARED_ERRORS,
-    )
-    if len(open_sides) <= _ENUMERATE:
-        search.look_at(all_combinations(len(located), open_sides))
-    else:
-        search.climb(open_sides)
-    best, evidence, combinations = search.result()
-    weight = np.exp(SHARED_ERRORS * (evidence - evidence.max()))
-    weight /= weight.sum()
-    is_open = np.zeros(len(located), dtype=np.bool_)
-    is_open[open_sides] = True
-    place_m, covariance_m2 = search.places(combinations[best])
-    return _Comparison(combinations, weight, best, is_open, place_m, covariance_m2)
+    known = _Known(neighbours, odds < _DECIDED, left.reshape(-1, 2))
 
+    def places(
+        found: Hypotheses, side: Int64[Array, "_"]
+    ) -> tuple[Float64[Array, "_ 2"], Float64[Array, "_ 2 2"]]:
+        return place_jointly(found.position_m[located, side], found.covariance_m2[located, side])
 
-def _with_facts(
-    hypotheses: Hypotheses, located: Int64[Array, "M"], facts: KnownFacts
-) -> tuple[_Comparison, Hypotheses, tuple[Reason, ...]]:
-    """Compare combinations with what is known, as far as the ranges do not contradict it."""
-    alone = _jointly(hypotheses, located)
-    holds, reasons = facts.borne_out(hypotheses, located, alone.side, alone.weight)
-    if holds is None:
-        return alone, hypotheses, reasons
-    surveyed = holds.with_surveys(hypotheses)
-    found = _jointly(
-        surveyed,
-        located,
-        lambda side: np.asarray(
-            sum(each.log_ratio for each in holds.statements(hypotheses, located, side))
-        ),
-    )
-    common = SHARED_ERRORS * surveyed.covariance_m2[located, found.side[found.best]]
-    place_m, own_m2 = holds.with_spacing(found.place_m, found.covariance_m2 - common)
-    found = replace(found, place_m=place_m, covariance_m2=own_m2 + common)
-    return found, surveyed, reasons
+    if facts is None:
+        return choose(known, located, hypotheses, places)
+    by_ranges = 1.0 / (1.0 + np.exp(np.minimum(odds, 700.0)))
+    return choose_with_facts(known, located, hypotheses, places, facts, by_ranges)
 
 
 def _place(hypotheses: Hypotheses, chosen: _Choice, n: int) -> ChosenPlace | None:
@@ -251,6 +271,8 @@ def _place(hypotheses: Hypotheses, chosen: _Choice, n: int) -> ChosenPlace | Non
         mirror_position_m=hypotheses.position_m[n, 1 - int(chosen.side[n])],
         mirror_covariance_m2=chosen.mirror_covariance_m2[n],
         mirror_probability=float(chosen.mirror_probability[n]),
+        by_ranges=float(chosen.by_ranges[n]),
+        unstated=float(chosen.unstated[n]),
         range_bias_m=float(hypotheses.own_bias_m[n]),
         converged=bool(hypotheses.converged[n]),
         fits=bool(hypotheses.fits[n]),

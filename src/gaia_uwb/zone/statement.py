@@ -1,4 +1,9 @@
-"""One statement of a user about a zone, and whether the ranges contradict it."""
+"""One statement of a user about a zone, and whether the ranges contradict it.
+
+A statement is weighed against the ranges first, with nothing assumed of layouts: it is contradicted
+where the ranges of single cones rule it out, or where those of all cones together are 20 times
+likelier without it. Then it is weighed against all that is known, where layouts count, too.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64
+from gaia_uwb._shared import Array, Float64, some_of
 from gaia_uwb.config import PriorConfig
 from gaia_uwb.estimate import Reason, ReasonKind
 
 _CONTRADICTED = 1.0 / 20.0  # Bayes factor below which a statement is reported as wrong
+_ENOUGH = 1000.0  # times likelier: more is not told, since no model is that right
 
 
 @dataclass(frozen=True)
@@ -25,14 +31,21 @@ class Statement:
         Which setting said it, like the keys of :func:`said_words`.
     log_ratio : (K,)
         For each combination of sides, how much likelier it is with the statement than without.
+    by_ranges
+        If the statement holds at all: the evidence of the ranges alone with it over that without
+        it; 1 where they say nothing.
+    ruled_out
+        Cones whose own ranges alone are enough against it.
     """
 
     words: str
     setting: str
     log_ratio: Float64[Array, "K"]
+    by_ranges: float = 1.0
+    ruled_out: tuple[str, ...] = ()
 
     def contradiction(self, weight: Float64[Array, "K"]) -> Reason | None:
-        """Return a reason if the ranges contradict it, None if they do not.
+        """Return a reason if it is contradicted, None if it is not.
 
         Parameters
         ----------
@@ -40,18 +53,22 @@ class Statement:
             The combinations' probabilities from ranges and layout alone.
         """
         factor = self.bayes_factor(weight)
-        if factor >= _CONTRADICTED:
+        if self.ruled_out or self.by_ranges < _CONTRADICTED:
+            who, factor = "the ranges", self.by_ranges
+        elif factor < _CONTRADICTED:
+            who = "the ranges and the usual layout of work zones"
+        else:
             return None
-        text = (
-            f'the ranges contradict "{self.words}", so it is not used: they are at least '
-            f"{1.0 / factor:.0f} times more likely without it"
-        )
-        return Reason(
-            ReasonKind.STATEMENT,
-            text,
-            statements=(self.setting,),
-            numbers={"likelihood_ratio": 1.0 / factor},
-        )
+        text = f'{who} contradict "{self.words}", so it is not used: '
+        if factor < _CONTRADICTED:
+            times = min(1.0 / max(factor, 1e-9), _ENOUGH)
+            text += f"they are at least {times:.0f} times more likely without it"
+            numbers = {"likelihood_ratio": times}
+        else:
+            text += f"those of {some_of(self.ruled_out)} rule it out"
+            numbers = {}
+        settings = (self.setting,)
+        return Reason(ReasonKind.STATEMENT, text, self.ruled_out, (), settings, numbers)
 
     def bayes_factor(self, weight: Float64[Array, "K"]) -> float:
         """Return the evidence with the statement over that without it.
