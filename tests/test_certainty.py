@@ -18,12 +18,13 @@ from gaia_uwb import PipelineConfig, reconstruct
 from gaia_uwb._shared import CHI_SQUARE_90
 from gaia_uwb.config import PriorConfig
 from gaia_uwb.episode import Episode
-from gaia_uwb.estimate import AnchorFix, AnchorStatus, ReasonKind
+from gaia_uwb.estimate import AnchorFix, AnchorStatus, ReasonKind, SideSource
 from gaia_uwb.locate import find_places
 from gaia_uwb.pipeline import prepare, reconstruct_episodes
 from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from gaia_uwb.scene import Scene, Trajectory
 from gaia_uwb.simulate import PRESETS, PassConfig, simulate_pass
+from gaia_uwb.zone import PathSides
 from roads import CONE_UP_M, TAG_UP_M, Radios, road_drives
 
 Numbers = NDArray[np.float64]
@@ -95,6 +96,28 @@ def test_a_wrong_side_that_the_ranges_refute_is_named(stated: str, turned: bool)
     kinds = {reason.kind for reason in result.reasons}
     assert kinds & {ReasonKind.STATEMENT, ReasonKind.EXCEPTION}
     assert result.status is not ReconstructionStatus.OK
+
+
+@pytest.mark.parametrize("denoiser", ["gaia-set", "raw"])
+@pytest.mark.parametrize("kind", ["u-turn", "two lanes"])
+def test_a_side_that_the_ranges_refute_pulls_no_cone(kind: str, denoiser: str) -> None:
+    passes = road_drives(kind, 0)
+    true_m = true_places_m(passes[0])
+    left = PathSides(passes[0].trajectory.position_m).are_left(true_m)
+    wrong = "right" if left.mean() > 0.5 else "left"
+    assert left.all() or not left.any()
+    told, plain = (
+        reconstruct(passes, PipelineConfig(denoiser=denoiser, prior=prior))
+        for prior in (PriorConfig.model_validate({"side": wrong}), PriorConfig())
+    )
+    (reason,) = [r for r in told.reasons if r.kind is ReasonKind.STATEMENT]
+    assert reason.statements == ("side",) and told.stated == ()
+    assert str(reason).startswith(f'the ranges contradict "all cones are on the {wrong}"')
+    assert told.status is ReconstructionStatus.UNRELIABLE
+    for fix, other in zip(told.anchors, plain.anchors, strict=True):
+        assert np.array_equal(fix.position_m, other.position_m)
+        assert fix.mirror_probability == other.mirror_probability
+        assert fix.side_source is not SideSource.STATEMENT
 
 
 def with_second_tag(scene: Scene, behind_m: float) -> Scene:

@@ -54,6 +54,7 @@ def test_an_anchor_without_position() -> None:
         ({"status": AnchorStatus.TOO_FEW_RANGES}, "contradicts the status 'too-few-ranges'"),
         ({"mirror_probability": 1.5}, "expected a probability, got 1.5"),
         ({"mirror_probability": float("nan")}, "expected a probability, got nan"),
+        ({"mirror_probability_by_ranges": -0.1}, "expected a probability, got -0.1"),
     ],
 )
 def test_a_fix_refuses(changes: dict, message: str) -> None:

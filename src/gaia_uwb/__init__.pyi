@@ -18,6 +18,7 @@ from .estimate import (
     BoundaryStatus as BoundaryStatus,
     Reason as Reason,
     ReasonKind as ReasonKind,
+    SideSource as SideSource,
 )
 from .evaluate import CheckReport as CheckReport, check_scene as check_scene
 from .logs import read_native as read_native, write_native as write_native

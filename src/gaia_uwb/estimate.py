@@ -188,7 +188,8 @@ class AnchorFix:
         they prefer the mirror position, NaN where it is unknown.
     side_source
         What brings ``mirror_probability`` below the level at which a side is open: the ranges
-        alone, or only the layout of work zones, or only what a user stated.
+        alone, or only with the layout of work zones, or only with what a user stated; None where
+        that is unknown.
     side_is_open
         Whether the mirror position is too probable to ignore: with status ``ambiguous``, and in
         addition to a status that says something worse.
@@ -212,7 +213,7 @@ class AnchorFix:
         default_factory=lambda: np.full((2, 2), np.nan)
     )
     mirror_probability_by_ranges: float = np.nan
-    side_source: SideSource = SideSource.OPEN
+    side_source: SideSource | None = None
     side_is_open: bool = False
 
     def __post_init__(self) -> None:

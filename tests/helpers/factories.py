@@ -10,7 +10,15 @@ import numpy as np
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.episode import ClockOffset, Episode, RangeCalibration
-from gaia_uwb.estimate import AnchorFix, AnchorStatus, Boundary, BoundaryStatus, Reason, ReasonKind
+from gaia_uwb.estimate import (
+    AnchorFix,
+    AnchorStatus,
+    Boundary,
+    BoundaryStatus,
+    Reason,
+    ReasonKind,
+    SideSource,
+)
 from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from gaia_uwb.scene import LocalFrame
 
@@ -31,6 +39,8 @@ def make_fix(anchor_id: str, position_m: np.ndarray, **changes: object) -> Ancho
         "covariance_m2": np.array([[0.04, 0.01], [0.01, 0.02]]),
         "mirror_position_m": position_m * [1.0, -1.0] - [0.0, 8.0],
         "mirror_probability": 0.002,
+        "mirror_probability_by_ranges": 0.3,
+        "side_source": SideSource.LAYOUT,
         "status": AnchorStatus.OK,
         "n_ranges": 180,
         "range_bias_m": 0.05,
@@ -41,7 +51,8 @@ def make_fix(anchor_id: str, position_m: np.ndarray, **changes: object) -> Ancho
 def make_unlocated(anchor_id: str) -> AnchorFix:
     return make_fix(
         anchor_id, NOWHERE, covariance_m2=np.full((2, 2), np.nan), mirror_position_m=NOWHERE,
-        mirror_probability=0.0, status=AnchorStatus.TOO_FEW_RANGES, n_ranges=2,
+        mirror_probability=0.0, mirror_probability_by_ranges=np.nan, side_source=None,
+        status=AnchorStatus.TOO_FEW_RANGES, n_ranges=2,
     )  # fmt: skip
 
 

@@ -85,6 +85,7 @@ def test_cone_carries_its_uncertainty() -> None:
     assert ellipse is not None
     assert cone == {
         "role": "cone", "id": "A", "status": "ok", "n_ranges": 180, "mirror_probability": 0.002,
+        "mirror_probability_by_ranges": 0.3, "side_source": "layout",
         "sigma_east_m": 0.2, "sigma_north_m": 0.1, "ellipse_probability": 0.9,
         "ellipse_semi_major_m": ellipse.semi_major_m, "ellipse_semi_minor_m": ellipse.semi_minor_m,
         "ellipse_azimuth_deg": 90.0,

@@ -14,7 +14,7 @@ from factories import HOSTILE, SQUARE_M, make_fix, make_reason, make_reconstruct
 from gaia_uwb.api import load_scenes
 from gaia_uwb.config import make_config
 from gaia_uwb.episode import ClockOffset
-from gaia_uwb.estimate import AnchorStatus, ReasonKind
+from gaia_uwb.estimate import AnchorStatus, ReasonKind, SideSource
 from gaia_uwb.evaluate.advice import Advice
 from gaia_uwb.outputs.plain_words import people_report
 from gaia_uwb.pipeline import reconstruct
@@ -44,7 +44,7 @@ def read(reconstruction: Reconstruction) -> dict[str, str]:
     report = people_report(reconstruction)
     assert JARGON.search(report.split("\n", 1)[1]) is None  # a name may be anything
     parts = sections(report)
-    noted = [NOTES] if reconstruction.notes else []
+    noted = [NOTES] if reconstruction.log_notes else []
     assert list(parts) == ["", *SECTIONS[:-1], *noted, SECTIONS[-1]]
     tokens = MarkdownIt("commonmark", {"html": True}).enable("table").parse(report)
     kinds = {t.type for token in tokens for t in (token, *(token.children or []))}
@@ -82,6 +82,31 @@ def test_ideal_run() -> None:
     assert head[:6] == ["Cone", "Status", "East (m)", "North (m)", "Latitude (°)", "Longitude (°)"]
     assert rows[1][:6] == ["cone-1", "located", "4.00", "0.00", "48.1000000", "11.5000537"]
     assert rows[1][6:9] == ["0.45", "more than 99 %", "180"]
+
+
+def test_the_report_says_what_decides_the_sides() -> None:
+    sources = [SideSource.RANGES, SideSource.LAYOUT, SideSource.RANGES, SideSource.RANGES]
+    fixes = {k: make_fix(f"cone-{k}", SQUARE_M[k], side_source=s) for k, s in enumerate(sources)}
+    sure = read(make_reconstruction(changed=fixes))["Confidence"]
+    assert (
+        "Sides are decided: 3 by the cones' own ranges alone and 1 only with what is known of work "
+        "zones."
+    ) in sure
+    for k, source in enumerate((SideSource.STATEMENT, SideSource.OPEN)):
+        fixes[k] = make_fix(f"cone-{k}", SQUARE_M[k], side_source=source)
+    sure = read(make_reconstruction(changed=fixes))["Confidence"]
+    assert (
+        "2 by the cones' own ranges alone, 0 only with what is known of work zones, 1 only with "
+        "what was stated and 1 not at all."
+    ) in sure
+
+
+def test_a_note_on_the_zone_is_no_note_on_the_log() -> None:
+    made = replace(make_reconstruction(), zone_notes=("the ranges contradict cone-1 *",))
+    parts = read(made)
+    assert r"- The ranges contradict cone-1 \*." in parts["Confidence"]
+    assert "How the log was read" not in parts
+    assert made.notes == made.zone_notes
 
 
 def test_numbers_of_the_fit_are_those_of_the_ranges() -> None:

@@ -86,7 +86,8 @@ def test_report_of_an_anchor() -> None:
     lon, lat = anchors[0].pop("lon"), anchors[0].pop("lat")
     assert anchors[0] == {
         "id": "A", "east_m": 1.0, "north_m": 2.0, "covariance_m2": [[0.04, 0.01], [0.01, 0.02]],
-        "mirror_probability": 0.002, "side_is_open": False,
+        "mirror_probability": 0.002, "mirror_probability_by_ranges": 0.3,
+        "side_source": "layout", "side_is_open": False,
         "mirror_east_m": 1.0, "mirror_north_m": -10.0,
         "mirror_covariance_m2": None, "status": "ok", "n_ranges": 180, "readings": None,
         "range_bias_m": 0.05,
@@ -203,7 +204,8 @@ def test_anchor_table(written: Path) -> None:
     table = pl.read_csv(written / "cones.csv")
     assert table.columns == [
         "anchor_id", "status", "east_m", "north_m", "lon", "lat", "covariance_ee_m2",
-        "covariance_en_m2", "covariance_nn_m2", "mirror_probability", "side_is_open",
+        "covariance_en_m2", "covariance_nn_m2", "mirror_probability",
+        "mirror_probability_by_ranges", "side_source", "side_is_open",
         "mirror_east_m", "mirror_north_m", "mirror_covariance_ee_m2", "mirror_covariance_en_m2",
         "mirror_covariance_nn_m2", "n_ranges", "range_bias_m",
     ]  # fmt: skip
@@ -212,6 +214,8 @@ def test_anchor_table(written: Path) -> None:
     assert table["covariance_en_m2"].to_list() == [0.01, 0.01, 0.01, None]
     assert table["lon"][0] == pytest.approx(SITE.lon_deg)
     assert table["status"][3] == "too-few-ranges"
+    assert table["mirror_probability_by_ranges"].to_list() == [0.3, 0.3, 0.3, None]
+    assert table["side_source"].to_list() == ["layout", "layout", "layout", None]
 
 
 def test_ids_in_the_table_of_cones_only_show_in_a_spreadsheet(tmp_path: Path) -> None:

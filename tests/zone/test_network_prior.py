@@ -135,3 +135,32 @@ def test_a_cone_that_either_has_not_located_stays_with_the_network() -> None:
     assert found.zone.left_probability == pytest.approx(network.left_probability)
     unknown = dispose(replace(network, located=np.array([False])), by_ranges([9, 9], np.eye(2)))
     assert unknown.zone.place_m == pytest.approx(network.place_m)
+
+
+@pytest.mark.parametrize("first_is_left", [True, False])
+def test_what_the_ranges_alone_say_of_a_side_is_kept(first_is_left: bool) -> None:
+    ranges = by_ranges([0.0, 5.0 if first_is_left else -5.0], np.eye(2), log_odds=1.5)
+    found = dispose(by_network([0.0, 5.0], np.eye(2), 0.999), ranges)
+    right = 1.0 / (1.0 + np.exp(1.5 if first_is_left else -1.5))
+    assert found.by_ranges.right_probability == pytest.approx([right])
+    assert found.zone.left_probability == pytest.approx(0.999)
+    nowhere = by_ranges([np.nan, np.nan], np.full((2, 2), np.nan))
+    unknown = dispose(by_network([0.0, 5.0], np.eye(2)), nowhere)
+    assert np.isnan(unknown.by_ranges.right_probability).all()
+
+
+def test_contradictions_are_said_and_nothing_else() -> None:
+    sure = by_ranges([0.0, 5.0], 0.01 * np.eye(2), log_odds=20.0)
+    agrees = dispose(by_network([0.1, 5.0], np.eye(2), left=0.5), sure)
+    assert agrees.notes(["a"]) == ()
+    elsewhere = dispose(by_network([9.0, 5.0], 0.01 * np.eye(2), left=0.5), sure)
+    (note,) = elsewhere.notes(["a"])
+    assert note.startswith("the ranges contradict the position") and note.endswith(": a")
+    for left, is_told in ((0.002, False), (0.0005, True)):
+        other = dispose(by_network([0.1, 5.0], np.eye(2), left), sure)
+        assert other.side_contradicted.tolist() == [is_told]
+        assert len(other.notes(["a"])) == is_told
+    open_side = dispose(
+        by_network([0.1, 5.0], np.eye(2), 0.0005), replace(sure, log_odds=np.ones(1))
+    )
+    assert not open_side.side_contradicted.any()

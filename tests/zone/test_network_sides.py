@@ -10,10 +10,12 @@ from hypothesis import given, strategies as st
 from gaia_uwb.config import PipelineConfig, SolverConfig, make_config
 from gaia_uwb.denoised import ZonePosterior
 from gaia_uwb.episode import ClockOffset, Episode
-from gaia_uwb.estimate import AnchorStatus
+from gaia_uwb.estimate import AnchorStatus, SideSource
 from gaia_uwb.zone.decision import Decision
 from gaia_uwb.zone.known_facts import KnownFacts
+from gaia_uwb.zone.network_prior import ByRanges
 from gaia_uwb.zone.network_sides import decide_zone, widened
+from two_places import make_hypotheses
 
 RANGES = np.full(60, 50)
 SURVEY = {"anchor_id": "c0", "east_m": 0.0, "north_m": 5.0, "sigma_m": 0.05}
@@ -319,3 +321,32 @@ def test_a_statement_on_all_anchors_is_listed_where_no_draw_would_find_it() -> N
     kept = decision.combinations
     assert kept.weight @ (kept.side == 1).mean(axis=1) < 0.05
     assert all(fix.position_m[1] > 0 for fix in decision.anchors)
+
+
+def test_what_the_ranges_say_alone_stands_beside_what_the_network_says() -> None:
+    one = zone(0.5, both(3, 0.999))
+    fit = ByRanges(make_hypotheses(3)[0], np.array([0.999, 0.4, np.nan]))
+    facts = KnownFacts(
+        make_config({"prior": {"side": "right"}}).prior,
+        np.stack([np.linspace(-20.0, 60.0, 200), np.zeros(200)], axis=-1), {}, ("c0", "c1", "c2"),
+    )  # fmt: skip
+    fixes = decide_zone(["c0", "c1", "c2"], one, RANGES[:3], facts=facts, by_ranges=fit).anchors
+    assert all(fix.position_m[1] < 0 for fix in fixes)
+    alone = [fix.mirror_probability_by_ranges for fix in fixes]
+    np.testing.assert_allclose(alone, [0.001, 0.6, np.nan])
+    sources = [fix.side_source for fix in fixes]
+    assert sources == [SideSource.RANGES, SideSource.STATEMENT, SideSource.STATEMENT]
+
+
+def test_a_statement_that_a_single_cone_rules_out_by_its_ranges_pulls_no_other() -> None:
+    one = zone(0.5, both(3, 0.9))
+    fit = ByRanges(make_hypotheses(3)[0], np.array([0.9999, 0.5, 0.5]))
+    facts = KnownFacts(
+        make_config({"prior": {"side": "left"}}).prior,
+        np.stack([np.linspace(-20.0, 60.0, 200), np.zeros(200)], axis=-1), {}, ("c0", "c1", "c2"),
+    )  # fmt: skip
+    told = decide_zone(["c0", "c1", "c2"], one, RANGES[:3], facts=facts, by_ranges=fit)
+    assert [(r.statements, r.cones) for r in told.reasons] == [(("side",), ("c0",))]
+    plain = decide_zone(["c0", "c1", "c2"], one, RANGES[:3], by_ranges=fit)
+    for fix, other in zip(told.anchors, plain.anchors, strict=True):
+        assert fix.mirror_probability == pytest.approx(other.mirror_probability)

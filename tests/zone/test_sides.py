@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from gaia_uwb.config import PriorConfig, SidesConfig, SolverConfig
-from gaia_uwb.estimate import AnchorStatus
+from gaia_uwb.estimate import AnchorStatus, SideSource
 from gaia_uwb.zone import sides
 from gaia_uwb.zone.known_facts import KnownFacts
 from gaia_uwb.zone.neighbour_sides import NeighbourSides
@@ -175,3 +175,25 @@ def test_the_likeliest_combinations_are_kept_and_the_choice_is_the_first(config)
     flipped = (kept.weight[:, None] * (kept.side != kept.side[0])).sum(axis=0)
     mirror = [fix.mirror_probability for fix in decision.anchors]
     assert flipped == pytest.approx(mirror, abs=2e-3)  # a thousandth is left out
+
+
+def test_ranges_and_neighbours_and_statements_are_told_apart():
+    found, _ = make_hypotheses(6)
+    found.position_m[:, 0] = [[20.0 * k, 4.0] for k in range(6)]
+    found.position_m[:, 1] = found.position_m[:, 0] * [1.0, -1.0]
+    found.position_m[3] = found.position_m[3, ::-1]  # its ranges prefer the wrong side a little
+    found.log_odds[:] = [9.0, 0.5, 9.0, 0.2, 9.0, 0.3]
+    fixes = resolve(found)
+    assert [fix.side_source.value for fix in fixes] == [
+        "ranges", "layout", "ranges", "layout", "ranges", "layout",
+    ]  # fmt: skip
+    for fix, odds in zip(fixes, [9.0, 0.5, 9.0, -0.2, 9.0, 0.3], strict=True):
+        assert fix.position_m[1] > 0.0
+        assert fix.mirror_probability_by_ranges == pytest.approx(1.0 / (1.0 + np.exp(odds)))
+    found.log_odds[:] = 0.01
+    assert {fix.side_source for fix in resolve(found)} == {SideSource.OPEN}
+    facts = KnownFacts(PriorConfig(side="left"), PATH_M, {}, tuple("abcdef"))
+    told = decide_sides("abcdef", found, PATH_M, facts=facts).anchors
+    assert {fix.side_source for fix in told} == {SideSource.STATEMENT}
+    assert max(fix.mirror_probability for fix in told) < 0.02
+    assert min(fix.mirror_probability_by_ranges for fix in told) > 0.49

@@ -268,11 +268,14 @@ def _described(anchor: AnchorFix, ellipse: Ellipse | None, *, mirror: bool = Fal
     covariance_m2 = anchor.mirror_covariance_m2 if mirror else anchor.covariance_m2
     sigma_m = np.sqrt(np.maximum(np.diag(covariance_m2), 0.0))
     east_m, north_m = (float(s) if np.isfinite(s) else None for s in sigma_m)
+    alone = anchor.mirror_probability_by_ranges
     return {
         "id": anchor.anchor_id,
         "status": anchor.status.value,
         "n_ranges": anchor.n_ranges,
         "mirror_probability": anchor.mirror_probability,
+        "mirror_probability_by_ranges": alone if np.isfinite(alone) else None,
+        "side_source": None if anchor.side_source is None else anchor.side_source.value,
         "sigma_east_m": east_m,
         "sigma_north_m": north_m,
         "ellipse_probability": ELLIPSE_PROBABILITY,

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from gaia_uwb._shared import Array, Float64
-from gaia_uwb.estimate import AnchorStatus
+from gaia_uwb.estimate import AnchorStatus, SideSource
 from gaia_uwb.evaluate import range_residual_m
 from gaia_uwb.locate import end_to_end
 from gaia_uwb.reconstruction import Reconstruction
@@ -48,6 +48,7 @@ def map_page(
         "report": {**report, "boundary": _without_grid(report["boundary"])},
         "timeline": _timeline(reconstruction),
         "messages": {status.value: status.message for status in AnchorStatus},
+        "sources": {source.value: source.message for source in SideSource},
     }
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     # An anchor's id may hold anything, "</script>" included. All that could end the script element

@@ -6,6 +6,7 @@ from the reconstruction; ids and names are shown as text, whatever characters th
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from gaia_uwb._shared import SIGMAS_90, Array, Float64, in_markdown, metres, percent
 from gaia_uwb.episode import Episode
-from gaia_uwb.estimate import AnchorFix, AnchorStatus, BoundaryStatus
+from gaia_uwb.estimate import AnchorFix, AnchorStatus, BoundaryStatus, SideSource
 from gaia_uwb.evaluate import (
     Advice,
     Limit,
@@ -182,7 +183,7 @@ def _found(reconstruction: Reconstruction) -> Iterator[str]:
 
 
 def _sureness(reconstruction: Reconstruction) -> Iterator[str]:
-    located = _located(reconstruction)
+    located, notes = _located(reconstruction), reconstruction.zone_notes
     known = [anchor for anchor in located if np.isfinite(anchor.semi_axes_90_m[0])]
     if known:
         reach_m = [anchor.semi_axes_90_m[0] for anchor in known]
@@ -199,6 +200,8 @@ def _sureness(reconstruction: Reconstruction) -> Iterator[str]:
             f"{'' if doubt.mirror_probability < 0.01 else 'at most '}"
             f"{percent(doubt.mirror_probability)} probability ({in_markdown(doubt.anchor_id)})."
         )
+    yield from _sources(located)
+    yield from (f"{note[:1].upper()}{note[1:]}." for note in map(in_markdown, notes))
     if reconstruction.stated:
         yield (
             f"What was stated about the zone was used: "
@@ -221,6 +224,22 @@ def _sureness(reconstruction: Reconstruction) -> Iterator[str]:
         "station, datum) shifts all cones together and is not included above. It does not affect "
         "the size or shape of the zone."
     )
+
+
+def _sources(located: Sequence[AnchorFix]) -> Iterator[str]:
+    """Say how many sides the ranges decide by themselves, and what decides the others."""
+    source = Counter(anchor.side_source for anchor in located if anchor.side_source is not None)
+    if not source:
+        return
+    parts = [
+        f"{source[SideSource.RANGES]} by the cones' own ranges alone",
+        f"{source[SideSource.LAYOUT]} only with what is known of work zones",
+        f"{source[SideSource.STATEMENT]} only with what was stated",
+        f"{source[SideSource.OPEN]} not at all",
+    ]
+    asked = (True, True, source[SideSource.STATEMENT] > 0, source[SideSource.OPEN] > 0)
+    told = [part for part, wanted in zip(parts, asked, strict=True) if wanted]
+    yield f"Sides are decided: {', '.join(told[:-1])} and {told[-1]}."
 
 
 def _regions(reconstruction: Reconstruction) -> Iterator[str]:
@@ -284,9 +303,9 @@ def _advice(limits: Sequence[Limit]) -> Iterator[str]:
 
 def _notes(reconstruction: Reconstruction) -> Iterator[str]:
     """Say what the readers of the logs took and left out."""
-    if reconstruction.notes:
+    if reconstruction.log_notes:
         yield "## How the log was read"
-        yield _bullets([in_markdown(note) for note in reconstruction.notes])
+        yield _bullets([in_markdown(note) for note in reconstruction.log_notes])
 
 
 def _table(reconstruction: Reconstruction) -> Iterator[str]:

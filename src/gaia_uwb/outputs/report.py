@@ -269,6 +269,8 @@ def _anchor(anchor: AnchorFix, lon: float, lat: float, readings: ReadingCounts |
         "lat": _finite(lat),
         "covariance_m2": covariance_m2.tolist() if np.isfinite(covariance_m2).all() else None,
         "mirror_probability": anchor.mirror_probability,
+        "mirror_probability_by_ranges": _finite(anchor.mirror_probability_by_ranges),
+        "side_source": None if anchor.side_source is None else anchor.side_source.value,
         "side_is_open": anchor.side_is_open,
         "mirror_east_m": _finite(mirror_m[0]),
         "mirror_north_m": _finite(mirror_m[1]),

@@ -52,6 +52,10 @@ def cones_csv(reconstruction: Reconstruction) -> str:
         "covariance_en_m2": covariance_m2[:, 0, 1].tolist(),
         "covariance_nn_m2": covariance_m2[:, 1, 1].tolist(),
         "mirror_probability": [float(anchor.mirror_probability) for anchor in anchors],
+        "mirror_probability_by_ranges": [
+            float(anchor.mirror_probability_by_ranges) for anchor in anchors
+        ],
+        "side_source": [anchor.side_source or "" for anchor in anchors],
         "side_is_open": [anchor.side_is_open for anchor in anchors],
         "mirror_east_m": mirror_m[:, 0].tolist(),
         "mirror_north_m": mirror_m[:, 1].tolist(),

@@ -66,7 +66,7 @@ def decide_zone(
     hypotheses = _as_hypotheses(zone, located, n_ranges, fit)
     # Where both places are one, the ranges have as little to say of a side as anything else.
     right = np.where(same, 1.0 - zone.left_probability[0], right)[located]
-    said_left = zone.left_probability[:, located]
+    known = _SceneMixture(zone.scene_probability, 1.0 - zone.left_probability[:, located])
 
     def places(
         found: Hypotheses, side: Int64[Array, "_"]
@@ -74,11 +74,9 @@ def decide_zone(
         return found.position_m[located, side], found.covariance_m2[located, side]
 
     if facts is None or not len(located):
-        known = _SceneMixture(zone.scene_probability, 1.0 - said_left)
         choice = choose(known, located, hypotheses, places)
     else:
-        said_right = np.clip(1.0 - said_left, _LEAST, 1.0 - _LEAST)
-        known = _SceneMixture(zone.scene_probability, said_right, may_be_said=True)
+        known = replace(known, may_be_said=True)
         apart = np.where(same[located], np.nan, right)
         choice = choose_with_facts(known, located, hypotheses, places, facts, apart)
     choice = _honest(choice, located)
@@ -102,9 +100,18 @@ class _SceneMixture:
     """Sides that are independent given either of two scenes."""
 
     scene: Float64[Array, "2"]
-    right: Float64[Array, "2 M"]
+    network_right: Float64[Array, "2 M"]
     """Probability of each anchor's right place in each scene."""
     may_be_said: bool = False
+    """Whether a user knows something: then no side is all but impossible."""
+
+    @property
+    def right(self) -> Float64[Array, "2 M"]:
+        least = _LEAST if self.may_be_said else 0.0
+        return np.clip(self.network_right, least, 1.0 - least)
+
+    def unsaid(self) -> _SceneMixture:
+        return replace(self, may_be_said=False)
 
     def second(self) -> Float64[Array, "M"]:
         return np.asarray(self.scene @ self.right)

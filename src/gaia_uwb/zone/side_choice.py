@@ -51,6 +51,10 @@ class SideProbabilities(Protocol):
         """Draw combinations."""
         ...
 
+    def unsaid(self) -> SideProbabilities:
+        """Return what is known where nothing that was said is used."""
+        ...
+
 
 @dataclass(frozen=True)
 class SideChoice:
@@ -132,7 +136,8 @@ def choose_with_facts(
     before = known.log_weight(side)
     holds, reasons = facts.borne_out(hypotheses, located, side, _weight(before), by_ranges)
     if holds is None:
-        return replace(choose(known, located, hypotheses, places), reasons=reasons)
+        chosen = choose(known.unsaid(), located, hypotheses, places)
+        return replace(chosen, reasons=reasons)
     used = holds  # mypy forgets in closures that it is not None
     surveyed = used.with_surveys(hypotheses)
 

@@ -222,6 +222,9 @@ class _Known:
     def drawn(self, count: int) -> Int64[Array, "K M"]:
         return self.neighbours.drawn(count)
 
+    def unsaid(self) -> _Known:
+        return self
+
     def candidates(self) -> Int64[Array, "K M"]:
         """Return all combinations of a few open anchors, or those that are likely or may be said.
 

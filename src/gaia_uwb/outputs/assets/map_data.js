@@ -1,7 +1,7 @@
 "use strict";
 // The scripts of this folder are one script in the page, in the order of interactive_map.py.
 // Text from the data enters the page through textContent and setAttribute only.
-const { features, report, timeline, messages } = JSON.parse(byId("data").textContent);
+const { features, report, timeline, messages, sources } = JSON.parse(byId("data").textContent);
 const map = byId("map");
 const RINGS = {  // of a geometry: lists of points; an area may have holes and several pieces
   Point: (c) => [[c]], LineString: (c) => [c], Polygon: (c) => c, MultiPolygon: (c) => c.flat(),

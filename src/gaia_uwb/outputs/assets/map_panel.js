@@ -37,6 +37,11 @@ function describe(id) {
       : "unknown"]);
     if (mirrors.has(id))
       rows.push(["other position", `${percent(anchor.mirror_probability)} probability`]);
+    if (anchor.side_source)
+      rows.push(["side decided by", sources[anchor.side_source]]);
+    if (known(anchor.mirror_probability_by_ranges))
+      rows.push(["other position, by its ranges alone",
+                 `${percent(anchor.mirror_probability_by_ranges)} probability`]);
     const own = timeline.residual_cm[order.indexOf(id)].filter(known).map(Math.abs);
     if (own.length) {
       own.sort((a, b) => a - b);
