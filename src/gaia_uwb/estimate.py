@@ -86,6 +86,7 @@ class ReasonKind(StrEnum):
     OUTSIDE_TRAINING = "outside-training"
     NOT_ONE_ZONE = "not-one-zone"
     PASSES_APART = "passes-apart"
+    UNLIKE_ZONES = "unlike-zones"
     STATEMENT = "statement"
     EXCEPTION = "exception"
     AMBIGUOUS = "ambiguous"

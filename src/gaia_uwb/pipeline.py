@@ -279,17 +279,7 @@ def reconstruct_episodes(
         status = ReconstructionStatus.UNRELIABLE if reasons else ReconstructionStatus.OK
         possible = (decision.hypotheses, decision.combinations)
         results.append(
-            Reconstruction(
-                episode,
-                ranges,
-                anchors,
-                boundary,
-                status,
-                reasons,
-                config,
-                possible,
-                zone_notes=decision.notes,
-            )
+            Reconstruction(episode, ranges, anchors, boundary, status, reasons, config, possible)
         )
     return results
 
@@ -404,7 +394,8 @@ def _decide(
             continue
         found = dispose(zone, places)
         decision = decide_zone(episode.anchor_ids, found.zone, *known, found.by_ranges)
-        decisions.append(replace(decision, notes=found.notes(episode.anchor_ids)))
+        reasons = (*found.reasons(episode.anchor_ids), *decision.reasons)
+        decisions.append(replace(decision, reasons=reasons))
     return decisions
 
 

@@ -64,8 +64,6 @@ class Reconstruction:
     more_passes
         The other passes that were fused, each with all anchors of the zone, and what the denoiser
         made of them.
-    zone_notes
-        What else there is to say of the decision on positions and sides.
     """
 
     episode: Episode
@@ -77,7 +75,6 @@ class Reconstruction:
     config: PipelineConfig
     possible: tuple[Hypotheses, Combinations] | None = None
     more_passes: tuple[tuple[Episode, DenoisedRanges], ...] = ()
-    zone_notes: tuple[str, ...] = ()
 
     @cached_property
     def boundary_uncertainty(self) -> BoundaryUncertainty | None:
@@ -98,11 +95,6 @@ class Reconstruction:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What there is to say that makes the result no less reliable."""
-        return (*self.log_notes, *self.zone_notes)
-
-    @property
-    def log_notes(self) -> tuple[str, ...]:
         """What the readers of the logs took, guessed and left out, and what these do not tell.
 
         A note on some of several passes has their names.

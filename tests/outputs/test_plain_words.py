@@ -44,7 +44,7 @@ def read(reconstruction: Reconstruction) -> dict[str, str]:
     report = people_report(reconstruction)
     assert JARGON.search(report.split("\n", 1)[1]) is None  # a name may be anything
     parts = sections(report)
-    noted = [NOTES] if reconstruction.log_notes else []
+    noted = [NOTES] if reconstruction.notes else []
     assert list(parts) == ["", *SECTIONS[:-1], *noted, SECTIONS[-1]]
     tokens = MarkdownIt("commonmark", {"html": True}).enable("table").parse(report)
     kinds = {t.type for token in tokens for t in (token, *(token.children or []))}
@@ -99,14 +99,6 @@ def test_the_report_says_what_decides_the_sides() -> None:
         "2 by the cones' own ranges alone, 0 only with what is known of work zones, 1 only with "
         "what was stated and 1 not at all."
     ) in sure
-
-
-def test_a_note_on_the_zone_is_no_note_on_the_log() -> None:
-    made = replace(make_reconstruction(), zone_notes=("the ranges contradict cone-1 *",))
-    parts = read(made)
-    assert r"- The ranges contradict cone-1 \*." in parts["Confidence"]
-    assert "How the log was read" not in parts
-    assert made.notes == made.zone_notes
 
 
 def test_numbers_of_the_fit_are_those_of_the_ranges() -> None:

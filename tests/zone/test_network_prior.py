@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gaia_uwb.denoised import ZonePosterior
+from gaia_uwb.estimate import ReasonKind
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.zone.network_prior import _RANGES_DECIDE, dispose
 
@@ -152,14 +153,15 @@ def test_what_the_ranges_alone_say_of_a_side_is_kept(first_is_left: bool) -> Non
 def test_contradictions_are_said_and_nothing_else() -> None:
     sure = by_ranges([0.0, 5.0], 0.01 * np.eye(2), log_odds=20.0)
     agrees = dispose(by_network([0.1, 5.0], np.eye(2), left=0.5), sure)
-    assert agrees.notes(["a"]) == ()
+    assert agrees.reasons(["a"]) == ()
     elsewhere = dispose(by_network([9.0, 5.0], 0.01 * np.eye(2), left=0.5), sure)
-    (note,) = elsewhere.notes(["a"])
-    assert note.startswith("the ranges contradict the position") and note.endswith(": a")
+    (reason,) = elsewhere.reasons(["a"])
+    assert (reason.kind, reason.cones) == (ReasonKind.UNLIKE_ZONES, ("a",))
+    assert str(reason).startswith("a: the ranges contradict the position that the network expects")
     for left, is_told in ((0.002, False), (0.0005, True)):
         other = dispose(by_network([0.1, 5.0], np.eye(2), left), sure)
         assert other.side_contradicted.tolist() == [is_told]
-        assert len(other.notes(["a"])) == is_told
+        assert len(other.reasons(["a"])) == is_told
     open_side = dispose(
         by_network([0.1, 5.0], np.eye(2), 0.0005), replace(sure, log_odds=np.ones(1))
     )

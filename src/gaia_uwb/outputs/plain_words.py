@@ -183,7 +183,7 @@ def _found(reconstruction: Reconstruction) -> Iterator[str]:
 
 
 def _sureness(reconstruction: Reconstruction) -> Iterator[str]:
-    located, notes = _located(reconstruction), reconstruction.zone_notes
+    located = _located(reconstruction)
     known = [anchor for anchor in located if np.isfinite(anchor.semi_axes_90_m[0])]
     if known:
         reach_m = [anchor.semi_axes_90_m[0] for anchor in known]
@@ -201,7 +201,6 @@ def _sureness(reconstruction: Reconstruction) -> Iterator[str]:
             f"{percent(doubt.mirror_probability)} probability ({in_markdown(doubt.anchor_id)})."
         )
     yield from _sources(located)
-    yield from (f"{note[:1].upper()}{note[1:]}." for note in map(in_markdown, notes))
     if reconstruction.stated:
         yield (
             f"What was stated about the zone was used: "
@@ -303,9 +302,9 @@ def _advice(limits: Sequence[Limit]) -> Iterator[str]:
 
 def _notes(reconstruction: Reconstruction) -> Iterator[str]:
     """Say what the readers of the logs took and left out."""
-    if reconstruction.log_notes:
+    if reconstruction.notes:
         yield "## How the log was read"
-        yield _bullets([in_markdown(note) for note in reconstruction.log_notes])
+        yield _bullets([in_markdown(note) for note in reconstruction.notes])
 
 
 def _table(reconstruction: Reconstruction) -> Iterator[str]:

@@ -59,16 +59,13 @@ class Decision:
     hypotheses
         Both places of each anchor, with what was surveyed of them.
     reasons
-        What the ranges say against what was known beforehand.
-    notes
-        What else there is to say of the decision, in words.
+        What the ranges say against what was known beforehand, or stated.
     """
 
     anchors: tuple[AnchorFix, ...]
     combinations: Combinations
     hypotheses: Hypotheses
     reasons: tuple[Reason, ...] = ()
-    notes: tuple[str, ...] = ()
 
 
 def kept_combinations(

@@ -5,7 +5,9 @@ the ranges say, and only what is left of it, its knowledge of zones, is a prior:
 which the network is surer than the ranges are. How well it thinks it knows ranges does not count:
 cones are put down by hand, and where one stands follows from the others to a foot at best. The
 places, and what is reported of them, come from the ranges and that prior; a prior that contradicts
-the ranges beyond chance is dropped.
+the ranges beyond chance is dropped. Then something is wrong with either: the places of such zones
+err by more than they say (``benchmarks/quality/contradicted_zones.py``), so it is a reason to doubt
+the result.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, some_of
 from gaia_uwb.denoised import ZonePosterior
+from gaia_uwb.estimate import Reason, ReasonKind
 from gaia_uwb.locate import Hypotheses
 
 _BEYOND_CHANCE = 13.8  # squared distance in standard deviations: 99.9 % of two coordinates
@@ -63,23 +66,24 @@ class Disposed:
     side_contradicted: Bool[Array, "N"]
     by_ranges: ByRanges
 
-    def notes(self, anchor_ids: Sequence[str]) -> tuple[str, ...]:
-        """Say where ranges and network contradict each other beyond chance, in words.
+    def reasons(self, anchor_ids: Sequence[str]) -> tuple[Reason, ...]:
+        """Say where ranges and network contradict each other beyond chance.
 
         Parameters
         ----------
         anchor_ids
             The anchors' names.
         """
-        notes = []
+        reasons = []
         for what, where in (("position", self.contradicted), ("side", self.side_contradicted)):
-            names = [anchor_ids[n] for n in np.flatnonzero(where).tolist()]
+            names = tuple(anchor_ids[n] for n in np.flatnonzero(where).tolist())
             if names:
-                notes.append(
-                    f"the ranges contradict the {what} that the network expects beyond chance "
-                    f"(99.9 %), so its {what} was not used: {some_of(names)}"
+                text = (
+                    f"{some_of(names)}: the ranges contradict the {what} that the network expects "
+                    "beyond chance (99.9 %), so it was not used"
                 )
-        return tuple(notes)
+                reasons.append(Reason(ReasonKind.UNLIKE_ZONES, text, cones=names))
+        return tuple(reasons)
 
 
 def dispose(zone: ZonePosterior, hypotheses: Hypotheses) -> Disposed:
