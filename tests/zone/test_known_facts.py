@@ -112,6 +112,16 @@ def test_many_cones_that_are_none_of_them_sure_contradict_together() -> None:
     assert "layout" not in str(reason)
 
 
+@pytest.mark.parametrize("poor", ["converged", "fits", "covariance_m2"])
+def test_cones_whose_ranges_determine_no_place_contradict_nothing(poor) -> None:
+    found, _ = make_hypotheses(2, odds=30.0)
+    found.log_odds[:] = [7.5, NO_CLUE]
+    (reason,) = decide(found, side="right").reasons
+    assert "the ranges contradict" in str(reason)
+    getattr(found, poor)[0] = 25.0 * np.eye(2) if poor == "covariance_m2" else False
+    assert "the ranges contradict" not in "".join(map(str, decide(found, side="right").reasons))
+
+
 def test_a_closure_is_contradicted_by_cones_on_both_sides_only() -> None:
     found, _ = make_hypotheses(6, seed=5, odds=30.0)
     assert decide(found, closure="lane-closure").reasons == ()

@@ -86,6 +86,19 @@ def test_of_many_open_anchors_a_row_stands_on_one_side():
     assert right > 0.9 or right < 0.1  # all on one side: which one, hardly anything tells
 
 
+@pytest.mark.parametrize("odds", [0.05, 2.0])
+def test_no_combination_of_many_open_sides_is_kept_twice(odds):
+    found, _ = make_hypotheses(12, seed=3, odds=odds)
+    decision = decide_sides(tuple("abcdefghijkl"), found, PATH_M)
+    kept = decision.combinations
+    assert len(np.unique(kept.side, axis=0)) == len(kept.side)
+    share = kept.weight @ (kept.side != kept.side[0])
+    best = [np.array_equal(fix.mirror_position_m, p[1 - s]) for fix, p, s in zip(
+        decision.anchors, found.position_m, kept.side[0], strict=True)]  # fmt: skip
+    mirror = np.array([fix.mirror_probability for fix in decision.anchors])
+    assert np.where(best, share, 1.0 - share) == pytest.approx(mirror, abs=0.2)
+
+
 def test_sure_sides_are_left_alone():
     found, _ = make_hypotheses(4, odds=60.0)
     for fix, place in zip(resolve(found), found.position_m[:, 0], strict=True):

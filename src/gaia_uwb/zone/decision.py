@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64, Int64
+from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.config import SidesConfig, SolverConfig
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, SideSource
 from gaia_uwb.locate import Hypotheses
@@ -86,6 +86,24 @@ def kept_combinations(
     share = np.cumsum(weight[order]) / weight.sum()
     order = order[: min(KEPT, int(np.searchsorted(share, _KEPT_EVIDENCE)) + 1)]
     return Combinations(located, side[order], weight[order] / weight[order].sum())
+
+
+def is_well_placed(hypotheses: Hypotheses, solver: SolverConfig) -> Bool[Array, "N"]:
+    """Return which anchors' ranges determine a place, so that they can contradict what was said.
+
+    Parameters
+    ----------
+    hypotheses
+        Both places of each anchor, by its ranges.
+    solver
+        ``ill_conditioned_above_m``.
+    """
+    covariance_m2 = np.nan_to_num(hypotheses.covariance_m2[:, 0], nan=np.inf, posinf=np.inf)
+    known = np.isfinite(covariance_m2).all(axis=(1, 2))
+    widest_m2 = np.full(len(known), np.inf)
+    widest_m2[known] = np.linalg.eigvalsh(covariance_m2[known])[:, 1]
+    is_narrow = widest_m2 <= solver.ill_conditioned_above_m**2
+    return np.asarray(is_narrow & hypotheses.converged & hypotheses.fits)
 
 
 @dataclass(frozen=True)

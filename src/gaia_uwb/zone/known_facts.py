@@ -152,10 +152,10 @@ class KnownFacts:
         weight : (K,)
             The combinations' probabilities without the facts.
         second : (M,)
-            Probability of each anchor's second place by its ranges alone; NaN where it is unknown.
+            Probability of each anchor's second place by its ranges alone; NaN where they do not
+            determine a place, and so contradict nothing.
         """
         share = np.stack([1.0 - second, second], axis=1)
-        share = np.where(np.isnan(share), 0.5, share)
         said = [
             self._by_ranges(statement, hypotheses, located, side, share)
             for statement in self.statements(hypotheses, located, side)
@@ -231,8 +231,13 @@ class KnownFacts:
     ) -> Statement:
         """Return a statement with what the ranges alone say of it.
 
-        ``share`` is the probability of both places of each cone; sides are independent.
+        ``share`` is the probability of both places of each cone; sides are independent. NaN where a
+        cone says nothing.
         """
+        says = np.isfinite(share[:, 0])
+        if not says.any():
+            return statement
+        located, side, share = located[says], side[:, says], share[says]
         if statement.setting in ("side", "closure"):
             left = self._path.left_probability(
                 hypotheses.position_m[located], hypotheses.covariance_m2[located]

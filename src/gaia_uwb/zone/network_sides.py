@@ -17,7 +17,7 @@ from gaia_uwb.config import SidesConfig, SolverConfig
 from gaia_uwb.denoised import ZonePosterior
 from gaia_uwb.episode import Episode
 from gaia_uwb.locate import Hypotheses
-from gaia_uwb.zone.decision import ChosenPlace, Decision, make_fix
+from gaia_uwb.zone.decision import ChosenPlace, Decision, is_well_placed, make_fix
 from gaia_uwb.zone.known_facts import KnownFacts
 from gaia_uwb.zone.network_prior import ByRanges
 from gaia_uwb.zone.side_choice import SideChoice, choose, choose_with_facts
@@ -77,7 +77,8 @@ def decide_zone(
         choice = choose(known, located, hypotheses, places)
     else:
         known = replace(known, may_be_said=True)
-        apart = np.where(same[located], np.nan, right)
+        says = np.ones(len(same), dtype=np.bool_) if fit is None else is_well_placed(fit, solver)
+        apart = np.where((says & ~same)[located], right, np.nan)
         choice = choose_with_facts(known, located, hypotheses, places, facts, apart)
     choice = _honest(choice, located)
     row = {n: k for k, n in enumerate(located.tolist())}

@@ -102,7 +102,7 @@ def choose(
     places
         Where anchors stand, given their sides.
     """
-    side = known.candidates()
+    side = np.unique(known.candidates(), axis=0)
     log_weight = known.log_weight(side)
     best = side[int(np.argmax(log_weight))]
     if _hold_enough(log_weight):
@@ -130,7 +130,8 @@ def choose_with_facts(
     facts
         What was said.
     by_ranges : (M,)
-        Probability of each anchor's second place by its ranges alone; NaN where it is unknown.
+        Probability of each anchor's second place by its ranges alone; NaN where they do not
+        determine a place.
     """
     side = np.unique(known.candidates(), axis=0)
     before = known.log_weight(side)

@@ -24,6 +24,7 @@ from gaia_uwb.zone.decision import (
     ChosenPlace,
     Combinations,
     Decision,
+    is_well_placed,
     kept_combinations,
     make_fix,
 )
@@ -89,7 +90,7 @@ def decide_sides(
     chosen = _apart(hypotheses)
     reasons: tuple[Reason, ...] = ()
     if config.joint and len(located):
-        found = _jointly(hypotheses, located, path_m, facts)
+        found = _jointly(hypotheses, located, path_m, solver, facts)
         chosen = chosen.of(found, located, _one_place(hypotheses))
         combinations = replace(found.combinations, joint=True)
         hypotheses, reasons = found.hypotheses, found.reasons
@@ -245,6 +246,7 @@ def _jointly(
     hypotheses: Hypotheses,
     located: Int64[Array, "M"],
     path_m: Float64[Array, "T 2"],
+    solver: SolverConfig,
     facts: KnownFacts | None,
 ) -> SideChoice:
     """Choose the sides of all located anchors together."""
@@ -261,6 +263,7 @@ def _jointly(
     if facts is None:
         return choose(known, located, hypotheses, places)
     by_ranges = 1.0 / (1.0 + np.exp(np.minimum(odds, 700.0)))
+    by_ranges[~is_well_placed(hypotheses, solver)[located]] = np.nan
     return choose_with_facts(known, located, hypotheses, places, facts, by_ranges)
 
 
