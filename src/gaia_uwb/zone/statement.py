@@ -62,7 +62,7 @@ class Statement:
         text = f'{who} contradict "{self.words}", so it is not used: '
         if factor < _CONTRADICTED:
             times = min(1.0 / max(factor, 1e-9), _ENOUGH)
-            text += f"they are at least {times:.0f} times more likely without it"
+            text += f"they are at least {times:,.0f} times more likely without it"
             numbers = {"likelihood_ratio": times}
         else:
             text += f"those of {some_of(self.ruled_out)} rule it out"
