@@ -201,6 +201,21 @@ def test_a_cone_on_the_other_side_than_said_is_named() -> None:
     ]
 
 
+def test_a_cone_without_a_good_place_is_no_exception() -> None:
+    left = both(3, 0.9999)
+    left[:, 1] = 1e-6
+    found, _ = make_hypotheses(3)
+    for converged, n_told in ((True, 1), (False, 0)):
+        found.converged[1] = converged
+        facts = KnownFacts(
+            make_config({"prior": {"side": "left"}}).prior,
+            np.stack([np.linspace(-20.0, 60.0, 200), np.zeros(200)], axis=-1), {}, tuple("abc"),
+        )  # fmt: skip
+        fit = ByRanges(found, np.full(3, 0.5))
+        told = decide_zone(tuple("abc"), zone(0.6, left), RANGES[:3], facts=facts, by_ranges=fit)
+        assert [reason.cones for reason in told.reasons] == [("b",)] * n_told
+
+
 def test_a_known_spacing_draws_neighbours_to_it() -> None:
     one = zone(0.999, both(5, 0.999))
     off = np.array([0.15, -0.1, 0.1, -0.15, 0.1])

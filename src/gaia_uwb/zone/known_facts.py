@@ -204,7 +204,8 @@ class KnownFacts:
             Reasons already found against a statement: one that is not used has no exceptions.
         """
         side = self.prior.side
-        if side is None or any("side" in reason.statements for reason in reasons):
+        is_dropped = any("side" in reason.statements for reason in reasons)
+        if side is None or is_dropped or not len(located):
             return ()
         left = self._path.left_probability(place_m[:, None], covariance_m2[:, None])[:, 0]
         holds = left if side == "left" else 1.0 - left

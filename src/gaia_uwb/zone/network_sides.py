@@ -77,9 +77,10 @@ def decide_zone(
         choice = choose(known, located, hypotheses, places)
     else:
         known = replace(known, may_be_said=True)
-        says = np.ones(len(same), dtype=np.bool_) if fit is None else is_well_placed(fit, solver)
-        apart = np.where((says & ~same)[located], right, np.nan)
-        choice = choose_with_facts(known, located, hypotheses, places, facts, apart)
+        placed = np.ones(len(same), dtype=np.bool_) if fit is None else is_well_placed(fit, solver)
+        alone = np.where((placed & ~same)[located], right, np.nan)
+        told = (facts, alone, placed[located])
+        choice = choose_with_facts(known, located, hypotheses, places, *told)
     choice = _honest(choice, located)
     row = {n: k for k, n in enumerate(located.tolist())}
     anchors = tuple(

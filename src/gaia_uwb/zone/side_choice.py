@@ -14,7 +14,7 @@ from typing import Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64, Int64
+from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.estimate import Reason
 from gaia_uwb.locate import Hypotheses
 from gaia_uwb.zone.decision import KEPT, Combinations, kept_combinations
@@ -120,6 +120,7 @@ def choose_with_facts(
     places: Places,
     facts: KnownFacts,
     by_ranges: Float64[Array, "M"],
+    is_placed: Bool[Array, "M"],
 ) -> SideChoice:
     """Choose sides with what a user said, as far as the ranges do not contradict it.
 
@@ -132,6 +133,8 @@ def choose_with_facts(
     by_ranges : (M,)
         Probability of each anchor's second place by its ranges alone; NaN where they do not
         determine a place.
+    is_placed : (M,)
+        Whether each anchor has a place by which a user can be told that it is an exception.
     """
     side = np.unique(known.candidates(), axis=0)
     before = known.log_weight(side)
@@ -168,7 +171,8 @@ def choose_with_facts(
     common_m2 = SHARED_ERRORS * surveyed.covariance_m2[located, best]
     place_m, own_m2 = used.with_spacing(place_m, covariance_m2 - common_m2)
     covariance_m2 = own_m2 + common_m2
-    reasons += facts.exceptions(place_m, covariance_m2, located, reasons)
+    told = (place_m[is_placed], covariance_m2[is_placed], located[is_placed])
+    reasons += facts.exceptions(*told, reasons)
     return SideChoice(
         surveyed, combinations, best, place_m, covariance_m2, mirror, unstated, reasons
     )

@@ -263,8 +263,9 @@ def _jointly(
     if facts is None:
         return choose(known, located, hypotheses, places)
     by_ranges = 1.0 / (1.0 + np.exp(np.minimum(odds, 700.0)))
-    by_ranges[~is_well_placed(hypotheses, solver)[located]] = np.nan
-    return choose_with_facts(known, located, hypotheses, places, facts, by_ranges)
+    is_placed = is_well_placed(hypotheses, solver)[located]
+    by_ranges[~is_placed] = np.nan
+    return choose_with_facts(known, located, hypotheses, places, facts, by_ranges, is_placed)
 
 
 def _place(hypotheses: Hypotheses, chosen: _Choice, n: int) -> ChosenPlace | None:
