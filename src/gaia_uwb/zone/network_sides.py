@@ -78,8 +78,9 @@ def decide_zone(
     else:
         known = replace(known, may_be_said=True)
         placed = np.ones(len(same), dtype=np.bool_) if fit is None else is_well_placed(fit, solver)
-        alone = np.where((placed & ~same)[located], right, np.nan)
-        told = (facts, alone, placed[located])
+        # Where both places are one, what the ranges say of it is the same for both.
+        alone = np.where(same[located] & np.isfinite(right), 0.5, right)
+        told = (facts, np.where(placed[located], alone, np.nan), placed[located])
         choice = choose_with_facts(known, located, hypotheses, places, *told)
     choice = _honest(choice, located)
     row = {n: k for k, n in enumerate(located.tolist())}
