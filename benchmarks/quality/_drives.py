@@ -45,6 +45,11 @@ def data_sets(
         if "shuffled" in outdoor:
             for title, block_s in SHUFFLED.items():
                 found[f"outdoor-uwb, {title}"] = partial(_shuffled_runs, data_dir, block_s)
+    if "patterns" in names:
+        found |= {
+            f"road with patterns, {kind}": partial(road_cases, kind, n_seeds, patterns=True)
+            for kind in ROAD_KINDS
+        }
     if "roads" in names:
         found |= {f"road, {kind}": partial(road_cases, kind, n_seeds) for kind in ROAD_KINDS}
         for kind in PAIRS:
@@ -73,13 +78,14 @@ def _shuffled_runs(data_dir: Path, block_s: float | None) -> Iterator[Case]:
         yield Case(scene.name, (shuffled(scene, block_s),))
 
 
-def road_cases(kind: str, n_seeds: int) -> Iterator[Case]:
-    """Yield the zones of one kind, each with all passes."""
+def road_cases(kind: str, n_seeds: int, *, patterns: bool = False) -> Iterator[Case]:
+    """Yield the zones of one kind, each with all passes; of radios with patterns if wanted."""
     if str(HELPERS) not in sys.path:
         sys.path.insert(0, str(HELPERS))
     roads = import_module("roads")
     for seed in range(n_seeds):
-        passes = tuple(roads.road_drives(kind, seed))
+        radios = roads.WITH_PATTERNS if patterns else roads.Radios()
+        passes = tuple(roads.road_drives(kind, seed, radios=radios))
         yield Case(passes[0].name.rpartition("-")[0], passes)
 
 

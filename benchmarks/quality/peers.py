@@ -29,7 +29,7 @@ from gaia_uwb.zone import polygon_iou
 ROOT = Path(__file__).parents[2]
 OUT = ROOT / "benchmarks" / "out" / "peers"
 DATA_DIR = ROOT.parent / "shared" / "data"
-DATA = ("lias", "outdoor-uwb", "shuffled", "roads")
+DATA = ("lias", "outdoor-uwb", "shuffled", "roads", "patterns")
 METHODS = ("ours", "gtsam", "scipy")
 N_SEEDS, N_RESAMPLES = 50, 2000
 CHI_SQUARE_99_9 = 2.0 * np.log(1000.0)

@@ -11,7 +11,7 @@ readings at their own times, radio by radio. Times are in seconds, lengths in me
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,11 @@ class Radios:
         Added to the time of every reading.
     trucks_per_s
         How often a truck comes between the vehicle and the cones.
+    tag_pattern_m, cone_pattern_m
+        Standard deviation of what the range depends on the direction by: each of two harmonics of
+        the bearing from the vehicle's course, and of one of the bearing from the cone.
+    clock_spread_s
+        Standard deviation of a drive's own clock offset about that of all.
     """
 
     noise_m: float = 0.06
@@ -50,6 +55,13 @@ class Radios:
     delay_m: float = 0.03
     offset_s: float = 0.12
     trucks_per_s: float = 0.08
+    tag_pattern_m: float = 0.0
+    cone_pattern_m: float = 0.0
+    clock_spread_s: float = 0.0
+
+
+WITH_PATTERNS = Radios(tag_pattern_m=0.05, cone_pattern_m=0.03, clock_spread_s=0.005)
+"""Radios whose antennas are not alike in all directions."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +115,8 @@ def road_drives(
     cones = road.place(along_m, left_m)
     frame = LocalFrame(48.1 + rng.normal(0, 0.2), 11.6 + rng.normal(0, 0.2), 510.0)
     delays_m = radios.delay_m * rng.normal(size=len(cones))
+    other = np.random.default_rng([20261201, KINDS.index(kind), seed])
+    turned_m = radios.cone_pattern_m * other.normal(size=(len(cones), 2))
     start_m, stop_m = along_m[0] - 100.0, along_m[-1] + 100.0
     lanes = {
         "single": [(0.0, 1)],
@@ -114,7 +128,12 @@ def road_drives(
     for number, (lane_m, direction) in enumerate(lanes):
         path = _path(road, start_m, stop_m, lane_m, direction, rng)
         name = f"road-{kind.replace(' ', '-')}-{seed}-{number}"
-        scenes.append(_drive(name, path, cones, delays_m, frame, radios, rng))
+        drive = replace(
+            radios,
+            offset_s=radios.offset_s + radios.clock_spread_s * other.normal(),
+        )
+        lasting = _Lasting(delays_m, turned_m, radios.tag_pattern_m * other.normal(size=4))
+        scenes.append(_drive(name, path, cones, lasting, frame, drive, rng))
     return scenes
 
 
@@ -173,11 +192,37 @@ def _trajectory(t_s: Numbers, place: Numbers) -> Trajectory:
     return Trajectory(t_s=t_s, position_m=place, up_m=np.full(len(t_s), TAG_UP_M))
 
 
+@dataclass(frozen=True)
+class _Lasting:
+    """Errors that stay as they are: the cones' delays, and what depends on directions."""
+
+    delays_m: Numbers
+    cones_m: Numbers
+    tag_m: Numbers
+
+    def error_m(self, cone: int, towards_m: Numbers, ahead_m: Numbers) -> Numbers:
+        """Return what ranges to a cone in these directions are too long by."""
+        bearing = np.arctan2(towards_m[:, 1], towards_m[:, 0])
+        turned = bearing - np.arctan2(ahead_m[:, 1], ahead_m[:, 0])
+        waves = [np.cos(turned), np.sin(turned), np.cos(2 * turned), np.sin(2 * turned)]
+        own = [np.cos(bearing), np.sin(bearing)]
+        return np.asarray(self.delays_m[cone] + self.tag_m @ waves + self.cones_m[cone] @ own)
+
+
+def _ahead(path: Trajectory, t_s: Numbers) -> Numbers:
+    """Return the way of half a second around each time."""
+    ends = [
+        np.stack([np.interp(t_s + by_s, path.t_s, x) for x in path.position_m.T], axis=1)
+        for by_s in (-0.25, 0.25)
+    ]
+    return np.asarray(ends[1] - ends[0])
+
+
 def _drive(
     name: str,
     path: Trajectory,
     cones: Numbers,
-    delays_m: Numbers,
+    lasting: _Lasting,
     frame: LocalFrame,
     radios: Radios,
     rng: np.random.Generator,
@@ -192,7 +237,8 @@ def _drive(
         flat_m = np.hypot(*(tag - cone).T)
         true_m = np.hypot(flat_m, TAG_UP_M - CONE_UP_M)
         heard = (true_m < REACH_M) & (rng.random(len(t_s)) < 0.95 - 0.6 * (true_m / REACH_M) ** 3)
-        error_m = radios.bias_m + delays_m[k] + radios.noise_m * rng.normal(size=len(t_s))
+        error_m = radios.bias_m + radios.noise_m * rng.normal(size=len(t_s))
+        error_m += lasting.error_m(k, cone - tag, _ahead(path, t_s))
         behind, more_m = np.zeros(len(t_s), np.bool_), np.zeros(len(t_s))
         for start_s, stop_s, extra_m in trucks:
             hidden = (t_s >= start_s) & (t_s <= stop_s) & (rng.random() < 0.7)
