@@ -47,7 +47,15 @@ def test_what_is_shared_moves_all_anchors_alike() -> None:
     found = replace(found, covariance_m2=covariance_m2, shared_m=clock_m)
     place_m = sample_scenes(found, decide(found, ALONE).combinations, n_samples=MANY).place_m
     east_m = place_m[..., 0] - place_m[..., 0].mean(axis=0)
-    assert np.corrcoef(east_m.T)[0, 1] == pytest.approx(0.5, abs=0.03)  # half of it is common
+    own_m2 = found.covariance_m2[0, 0, 0, 0] - 4.0
+    assert np.corrcoef(east_m.T)[0, 1] == pytest.approx(4.0 / (4.0 + own_m2), abs=0.01)
+
+
+def test_half_of_the_errors_is_common_where_nobody_knows() -> None:
+    found, _ = make_hypotheses(4, odds=60.0, sigma_m=0.1)
+    place_m = sample_scenes(found, decide(found, ALONE).combinations, n_samples=MANY).place_m
+    east_m = place_m[..., 0] - place_m[..., 0].mean(axis=0)
+    assert np.corrcoef(east_m.T)[0, 1] == pytest.approx(0.5, abs=0.03)
 
 
 def test_one_log_gives_one_result_and_unlocated_anchors_are_left_out() -> None:

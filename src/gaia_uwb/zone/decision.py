@@ -13,7 +13,7 @@ import numpy as np
 from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.config import SidesConfig, SolverConfig
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, SideSource
-from gaia_uwb.locate import Hypotheses
+from gaia_uwb.locate import Hypotheses, square_root
 
 KEPT = 32
 """Combinations that a decision keeps."""
@@ -33,8 +33,6 @@ class Combinations:
     weight : (K,)
         Probabilities; they sum to 1. At most 32 combinations, or as few as hold 99.9 % of the
         evidence.
-    joint
-        Whether places are joint, too, by the layout prior (``layout_prior.py``).
     learned
         Whether they come from a denoiser that locates anchors itself (``network_sides.py``).
     """
@@ -42,8 +40,27 @@ class Combinations:
     located: Int64[Array, "M"]
     side: Int64[Array, "K M"]
     weight: Float64[Array, "K"]
-    joint: bool = False
     learned: bool = False
+
+
+def common_errors_m(
+    hypotheses: Hypotheses, rows: Int64[Array, "M"], side: Int64[Array, "M"]
+) -> Float64[Array, "M 2 S"]:
+    """Return how anchors err together: what S independent standard normal numbers move them by.
+
+    Where it is not known, half of the covariance is taken as common: in the outdoor data set about
+    half of the residuals' variance is.
+
+    Parameters
+    ----------
+    hypotheses
+        Both places of all anchors.
+    rows, side : (M,)
+        Which anchors, and which of their places.
+    """
+    if hypotheses.shared_m is not None:
+        return np.asarray(hypotheses.shared_m[rows, side])
+    return np.asarray(np.sqrt(0.5) * square_root(hypotheses.covariance_m2[rows, side]))
 
 
 @dataclass(frozen=True)

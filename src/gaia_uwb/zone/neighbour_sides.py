@@ -11,7 +11,7 @@ nothing of each other (two rows, with the path between them).
 A chain needs no search: forward and backward sums give each cone's probability exactly.
 
 Until November 2026 the places themselves were compared, as those of a cluster whose shape is
-normally distributed (``layout_prior.py``). On a bend the straighter of a row and its mirror image
+normally distributed. On a bend the straighter of a row and its mirror image
 then seemed the likelier, with odds that grew with every cone, and a row beside it likelier than
 two facing rows.
 """

@@ -68,20 +68,15 @@ def decide_zone(
     right = np.where(same, 1.0 - zone.left_probability[0], right)[located]
     known = _SceneMixture(zone.scene_probability, 1.0 - zone.left_probability[:, located])
 
-    def places(
-        found: Hypotheses, side: Int64[Array, "_"]
-    ) -> tuple[Float64[Array, "_ 2"], Float64[Array, "_ 2 2"]]:
-        return found.position_m[located, side], found.covariance_m2[located, side]
-
     if facts is None or not len(located):
-        choice = choose(known, located, hypotheses, places)
+        choice = choose(known, located, hypotheses)
     else:
         known = replace(known, may_be_said=True)
         placed = np.ones(len(same), dtype=np.bool_) if fit is None else is_well_placed(fit, solver)
         # Where both places are one, what the ranges say of it is the same for both.
         alone = np.where(same[located] & np.isfinite(right), 0.5, right)
         told = (facts, np.where(placed[located], alone, np.nan), placed[located])
-        choice = choose_with_facts(known, located, hypotheses, places, *told)
+        choice = choose_with_facts(known, located, hypotheses, *told)
     choice = _honest(choice, located)
     row = {n: k for k, n in enumerate(located.tolist())}
     anchors = tuple(

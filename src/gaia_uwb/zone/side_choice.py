@@ -8,23 +8,16 @@ a user knows is weighed with them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.estimate import Reason
 from gaia_uwb.locate import Hypotheses
-from gaia_uwb.zone.decision import KEPT, Combinations, kept_combinations
+from gaia_uwb.zone.decision import KEPT, Combinations, common_errors_m, kept_combinations
 from gaia_uwb.zone.known_facts import KnownFacts
-from gaia_uwb.zone.layout_prior import SHARED_ERRORS
-
-Places: TypeAlias = Callable[
-    [Hypotheses, Int64[Array, "_"]], tuple[Float64[Array, "_ 2"], Float64[Array, "_ 2 2"]]
-]
-"""From both places of all anchors and the sides of the located ones to where these stand."""
 
 _ENOUGH = 0.9  # probability of the combinations that are kept, else they are drawn
 _DRAWN = 2048  # combinations, where something is known that makes some of them likelier
@@ -87,7 +80,7 @@ class SideChoice:
 
 
 def choose(
-    known: SideProbabilities, located: Int64[Array, "M"], hypotheses: Hypotheses, places: Places
+    known: SideProbabilities, located: Int64[Array, "M"], hypotheses: Hypotheses
 ) -> SideChoice:
     """Choose sides where a user has said nothing.
 
@@ -99,8 +92,6 @@ def choose(
         Indices of the anchors that were located.
     hypotheses
         Both places of all anchors.
-    places
-        Where anchors stand, given their sides.
     """
     side = np.unique(known.candidates(), axis=0)
     log_weight = known.log_weight(side)
@@ -110,14 +101,14 @@ def choose(
     else:
         combinations = _counted(known.drawn(KEPT), located)
     mirror = _of_the_other(known.second(), best)
-    return SideChoice(hypotheses, combinations, best, *places(hypotheses, best), mirror, mirror)
+    place_m, covariance_m2 = _at(hypotheses, located, best)
+    return SideChoice(hypotheses, combinations, best, place_m, covariance_m2, mirror, mirror)
 
 
 def choose_with_facts(
     known: SideProbabilities,
     located: Int64[Array, "M"],
     hypotheses: Hypotheses,
-    places: Places,
     facts: KnownFacts,
     by_ranges: Float64[Array, "M"],
     is_placed: Bool[Array, "M"],
@@ -126,7 +117,7 @@ def choose_with_facts(
 
     Parameters
     ----------
-    known, located, hypotheses, places
+    known, located, hypotheses
         As in :func:`choose`.
     facts
         What was said.
@@ -140,7 +131,7 @@ def choose_with_facts(
     before = known.log_weight(side)
     holds, reasons = facts.borne_out(hypotheses, located, side, _weight(before), by_ranges)
     if holds is None:
-        chosen = choose(known.unsaid(), located, hypotheses, places)
+        chosen = choose(known.unsaid(), located, hypotheses)
         return replace(chosen, reasons=reasons)
     used = holds  # mypy forgets in closures that it is not None
     surveyed = used.with_surveys(hypotheses)
@@ -166,9 +157,10 @@ def choose_with_facts(
     mirror = 1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0)))
     error = facts.prior.statement_error  # where what was said is wrong, it is wrong of all cones
     mirror = (1.0 - error) * mirror + error * unstated
-    place_m, covariance_m2 = places(surveyed, best)
+    place_m, covariance_m2 = _at(surveyed, located, best)
     # A spacing says nothing of what moves neighbours alike.
-    common_m2 = SHARED_ERRORS * surveyed.covariance_m2[located, best]
+    common_m = common_errors_m(surveyed, located, best)
+    common_m2 = common_m @ np.swapaxes(common_m, -1, -2)
     place_m, own_m2 = used.with_spacing(place_m, covariance_m2 - common_m2)
     covariance_m2 = own_m2 + common_m2
     told = (place_m[is_placed], covariance_m2[is_placed], located[is_placed])
@@ -176,6 +168,12 @@ def choose_with_facts(
     return SideChoice(
         surveyed, combinations, best, place_m, covariance_m2, mirror, unstated, reasons
     )
+
+
+def _at(
+    hypotheses: Hypotheses, located: Int64[Array, "M"], side: Int64[Array, "M"]
+) -> tuple[Float64[Array, "M 2"], Float64[Array, "M 2 2"]]:
+    return hypotheses.position_m[located, side], hypotheses.covariance_m2[located, side]
 
 
 def _of_the_other(second: Float64[Array, "M"], side: Int64[Array, "M"]) -> Float64[Array, "M"]:

@@ -4,8 +4,7 @@ Ranges along a straight path fit an anchor's mirror image as well as the anchor.
 may leave the side open; all anchors of a zone together, of which neighbours stand alike
 (``neighbour_sides.py``), often settle it. The likeliest combination of sides is chosen, and an
 anchor's mirror image keeps the probability of all combinations that put the anchor there. An anchor
-that stays undecided is called ambiguous. Where anchors stand, given their sides, follows from their
-ranges and from those of the others (``layout_prior.py``).
+that stays undecided is called ambiguous.
 """
 
 from __future__ import annotations
@@ -29,7 +28,6 @@ from gaia_uwb.zone.decision import (
     make_fix,
 )
 from gaia_uwb.zone.known_facts import KnownFacts
-from gaia_uwb.zone.layout_prior import place_jointly
 from gaia_uwb.zone.neighbour_sides import NeighbourSides
 from gaia_uwb.zone.path_sides import PathSides
 from gaia_uwb.zone.side_choice import SideChoice, choose, choose_with_facts
@@ -92,8 +90,7 @@ def decide_sides(
     if config.joint and len(located):
         found = _jointly(hypotheses, located, path_m, solver, facts)
         chosen = chosen.of(found, located, _one_place(hypotheses))
-        combinations = replace(found.combinations, joint=True)
-        hypotheses, reasons = found.hypotheses, found.reasons
+        combinations, hypotheses, reasons = found.combinations, found.hypotheses, found.reasons
     else:
         combinations = _independent(chosen.mirror_probability[located], located)
     chosen = _honest(hypotheses, chosen)
@@ -255,17 +252,12 @@ def _jointly(
     odds = hypotheses.log_odds[located]
     known = _Known(neighbours, odds < _DECIDED, left.reshape(-1, 2))
 
-    def places(
-        found: Hypotheses, side: Int64[Array, "_"]
-    ) -> tuple[Float64[Array, "_ 2"], Float64[Array, "_ 2 2"]]:
-        return place_jointly(found.position_m[located, side], found.covariance_m2[located, side])
-
     if facts is None:
-        return choose(known, located, hypotheses, places)
+        return choose(known, located, hypotheses)
     by_ranges = 1.0 / (1.0 + np.exp(np.minimum(odds, 700.0)))
     is_placed = is_well_placed(hypotheses, solver)[located]
     by_ranges[~is_placed] = np.nan
-    return choose_with_facts(known, located, hypotheses, places, facts, by_ranges, is_placed)
+    return choose_with_facts(known, located, hypotheses, facts, by_ranges, is_placed)
 
 
 def _place(hypotheses: Hypotheses, chosen: _Choice, n: int) -> ChosenPlace | None:
