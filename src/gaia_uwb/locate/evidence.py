@@ -25,7 +25,8 @@ _CELL = 0.2  # size of a cell as a share of the cone's distance
 _NEAREST_M = 0.75  # nearer cones have cells as if at this distance
 _LARGEST_M = 1.0  # and as the shortest of slow errors
 _GROWTH = 1.3  # of cells, until there are few enough
-_VELOCITY_OVER_S = 0.5
+VELOCITY_OVER_S = 0.5
+"""Time between the positions from which a velocity is taken."""
 PARKED_MPS = 0.2  # below this the direction of travel is unknown
 _CHUNK_ROWS = 400_000  # readings worked on at a time
 Rows: TypeAlias = Array | slice
@@ -271,7 +272,7 @@ def _motion(
 ) -> Motion:
     position_m, velocity_mps = np.empty((len(t_s), 2)), np.empty((len(t_s), 2))
     gap_m = np.zeros(len(t_s))
-    half_s = _VELOCITY_OVER_S / 2
+    half_s = VELOCITY_OVER_S / 2
     for k, rows in rows_by_drive:
         path = drives[k].trajectory
         at_s = t_s[rows] - offset_s[k]
@@ -280,7 +281,7 @@ def _motion(
             drives[k].position_at(at_s + half_s),
             drives[k].position_at(at_s - half_s),
         )
-        velocity_mps[rows] = (ahead_m - behind_m) / _VELOCITY_OVER_S
+        velocity_mps[rows] = (ahead_m - behind_m) / VELOCITY_OVER_S
         if path.up_m is not None:
             tag_m = np.interp(at_s, path.t_s, path.up_m)
             gap_m[rows] = np.nan_to_num(tag_m - up_m[rows], nan=0.0)

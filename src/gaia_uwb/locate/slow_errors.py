@@ -385,6 +385,26 @@ class SlowErrors:
             self._cost[:, block] = 0.5 * (pull * slow_m).sum(axis=-1)
             self._pulls.append(pull)
 
+    def weight_by_drive(
+        self, side: Float64[Array, "n 2"], field_m: Float64[Array, "n L"], n_drives: int
+    ) -> Float64[Array, "D"]:
+        """Return how much each drive's readings weigh, slow errors counted.
+
+        Parameters
+        ----------
+        side : (n, 2)
+            Probability of each cone's sides.
+        field_m : (n, L)
+            Size of the slow errors of each length in each cone's zone.
+        n_drives
+            Number of all drives.
+        """
+        evidence = self.evidence
+        cone = evidence.block_cone[evidence.cell_block]
+        slow_m2 = (field_m**2).sum(axis=1)[cone]
+        weight = (side[cone].T / (1.0 / self._information + slow_m2)).sum(axis=0)
+        return np.bincount(evidence.block_drive[evidence.cell_block], weight, n_drives)
+
     def add_freedom(self, sums: Sums) -> None:
         """Add how many independent slow errors of each length the readings show.
 

@@ -199,11 +199,14 @@ class Layout:
         Zone of each cone.
     drive_zone, drive_slot : (D,)
         Zone of each drive, and its number there.
+    speed_noise_mps : (D,)
+        Noise of the path's speed, along each axis: of motion that no range shows.
     """
 
     cone_zone: Int64[Array, "N"]
     drive_zone: Int64[Array, "D"]
     drive_slot: Int64[Array, "D"]
+    speed_noise_mps: Float64[Array, "D"]
 
 
 @dataclass(frozen=True)
@@ -249,6 +252,7 @@ class Estimator:
     ) -> None:
         self._zone = layout.cone_zone
         self._drive_zone, self._drive_slot = layout.drive_zone, layout.drive_slot
+        self._speed_noise_mps = layout.speed_noise_mps
         self._prior, self._settled = prior, errors.settled
         self._sizes = {name: np.array([getattr(s, name) for s in errors.sizes]) for name in SIZES}
         self._least_noise_m = np.maximum(errors.least_noise_m, _NOISE_M[0])
@@ -389,7 +393,7 @@ class Estimator:
             self._update_sizes(sums, inverse, noise_m)
         self._move(own_change, change)
         self._weight = _softmax(-loss)
-        honest = np.linalg.inv(data / ALIKE + precise)
+        honest = np.linalg.inv(self._without_noise_of_speed(data) / ALIKE + precise)
         root = np.linalg.cholesky(honest)
         shared_m = (through @ root[zone][:, None])[..., :2, :]
         places_m2 = inverse[..., :2, :2] + shared_m @ np.swapaxes(shared_m, -1, -2)
@@ -406,6 +410,23 @@ class Estimator:
             outliers=sums.outliers / count,
             noise=sums.squares / np.maximum(count - sums.outliers, 1.0),
         )
+
+    def _without_noise_of_speed(self, data: Float64[Array, "Z S S"]) -> Float64[Array, "Z S S"]:
+        """Return what readings say of all that is shared, less what noise of the path seems to say.
+
+        A clock offset shows where the speed changes, and noise of the path looks like changes.
+        """
+        scale = np.ones(data.shape[:2])
+        column = RADIOS + DRIVE * self._drive_slot
+        weight = np.zeros(len(self._drive_slot))
+        for field in self._fields:
+            cones = field.evidence.cones
+            field_m = self._sizes["field_m"][self._zone[cones]]
+            weight += field.weight_by_drive(self._weight[cones], field_m, len(weight))
+        told = data[self._drive_zone, column, column]
+        real = 1.0 - weight * self._speed_noise_mps**2 / np.maximum(told, 1e-300)
+        scale[self._drive_zone, column] = np.sqrt(np.clip(real, 0.0, 1.0))
+        return np.asarray(scale[:, :, None] * data * scale[:, None])
 
     def _step_length(
         self, inverse: Array, gradient: Array, through: Array, change: Array

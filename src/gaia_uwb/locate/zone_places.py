@@ -14,11 +14,12 @@ import numpy as np
 from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.config import AlignmentConfig, PipelineConfig
 from gaia_uwb.episode import ClockOffset, DriveErrors, Episode, RangeReadings
-from gaia_uwb.locate.evidence import Evidence, Heard, Motion, gather
+from gaia_uwb.locate.evidence import VELOCITY_OVER_S, Evidence, Heard, Motion, gather
 from gaia_uwb.locate.honest_errors import path_centres
 from gaia_uwb.locate.hypotheses import Hypotheses
 from gaia_uwb.locate.passes import all_anchors
 from gaia_uwb.locate.slow_errors import DRIVE, RADIOS
+from gaia_uwb.locate.smooth_path import smooth_path, speed_noise_mps
 from gaia_uwb.locate.zone_fit import (
     ALIKE,
     RADIO_SIZES,
@@ -131,10 +132,14 @@ def _fit_batch(
     ids = [all_anchors(episodes) for episodes in zones]
     first = np.cumsum([0] + [len(each) for each in ids])
     n_drives = len(zones[0])
-    heard = []
+    heard, noise_mps, paths = [], [], _Paths()
     for z, episodes in enumerate(zones):
         index = {name: int(first[z]) + n for n, name in enumerate(ids[z])}
-        heard += [_heard(episode, index) for episode in episodes]
+        for episode in episodes:
+            readings = readings_of(episode)
+            path, noise = paths.smoothed(readings.trajectory)
+            noise_mps.append(noise)
+            heard.append(_heard(episode, replace(readings, trajectory=path), index))
     cone_zone = np.repeat(np.arange(len(zones)), np.diff(first))
     drive_zone = np.repeat(np.arange(len(zones)), n_drives)
     priors = [_prior(episodes, config) for episodes in zones]
@@ -150,7 +155,9 @@ def _fit_batch(
             config.solver.min_ranges,
         )
     )
-    layout = Layout(cone_zone, drive_zone, np.tile(np.arange(n_drives), len(zones)))
+    layout = Layout(
+        cone_zone, drive_zone, np.tile(np.arange(n_drives), len(zones)), np.array(noise_mps)
+    )
     errors = SizesPrior(
         [RADIO_SIZES if each is None else each.sizes for each in known],
         np.array([each is not None for each in known]),
@@ -217,10 +224,24 @@ def readings_of(episode: Episode) -> RangeReadings:
     )
 
 
-def _heard(episode: Episode, index: dict[str, int]) -> Heard:
+class _Paths:
+    """Smoothed paths; windows of one run have the same."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, tuple[Trajectory, Trajectory, float]] = {}
+
+    def smoothed(self, path: Trajectory) -> tuple[Trajectory, float]:
+        """Return a path without its noise, and what is left of that in its speed."""
+        if id(path) not in self._known:
+            noise_mps = speed_noise_mps(path, VELOCITY_OVER_S)
+            self._known[id(path)] = path, smooth_path(path), noise_mps
+        return self._known[id(path)][1:]
+
+
+def _heard(episode: Episode, readings: RangeReadings, index: dict[str, int]) -> Heard:
     n = episode.n_anchors
     return Heard(
-        readings_of(episode),
+        readings,
         np.array([index[name] for name in episode.anchor_ids], dtype=np.int64),
         np.full(n, np.nan) if episode.anchor_up_m is None else episode.anchor_up_m,
     )
