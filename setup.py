@@ -39,6 +39,6 @@ setup(
             sources=[f"src/gaia_uwb/{name.replace('.', '/')}.c"],
             extra_compile_args=[] if sys.platform == "win32" else FLAGS,
         )
-        for name in ("locate._readings", "solver._solver", "zone._tour")
+        for name in ("locate._covariances", "locate._readings", "solver._solver", "zone._tour")
     ],
 )

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, Int64
+from gaia_uwb.locate._covariances import invert
 from gaia_uwb.locate.evidence import Evidence, Motion
 from gaia_uwb.locate.range_model import Guess, RangeModel
 
@@ -259,16 +260,14 @@ class SlowErrors:
             noise = np.where(group.there, 1.0 / found.information[:, group.cell], 1.0)
             mean = found.mean[:, group.cell] * group.there[..., None]
             slow = np.einsum("bl,blij->bij", field2, group.kernel)
-            total = slow + noise[..., None] * np.eye(noise.shape[-1])
-            inverse = np.linalg.inv(total)
+            inverse, log_det = _inverse(slow, noise)
             solved = inverse @ mean
             matrix = np.swapaxes(mean, -1, -2) @ solved  # (2, b, 14, 14)
             spread = noise - noise**2 * np.diagonal(inverse, axis1=-2, axis2=-1)
             self._solved.append(
                 _Solved(group, column, mean, solved, noise, spread, field2, inverse)
             )
-            diagonal = np.diagonal(np.linalg.cholesky(total), axis1=-2, axis2=-1)
-            log_det = 2.0 * np.log(diagonal).sum(axis=-1) - np.log(noise).sum(axis=-1)
+            log_det -= np.log(noise).sum(axis=-1)
             own, rest = slice(OWN), slice(OWN, _COLUMNS)
             for side in (0, 1):
                 one = matrix[side]
@@ -346,3 +345,16 @@ class SlowErrors:
                 explained = (np.swapaxes(own, -1, -2) @ (each.group.kernel @ own))[..., 0, 0]
                 np.add.at(total[:, side], cone, explained * each.field2)
         return total
+
+
+def _inverse(
+    slow: Float64[Array, "b M M"], noise_m2: Float64[Array, "2 b M"]
+) -> tuple[Float64[Array, "2 b M M"], Float64[Array, "2 b"]]:
+    """Return the inverse of the covariance of both on each side, and its log determinant."""
+    total = np.repeat(slow[None], 2, axis=0)
+    size = slow.shape[-1]
+    own = np.arange(size)
+    total[..., own, own] += noise_m2
+    log_det = np.empty(noise_m2.shape[:2])
+    invert(total, log_det, size)
+    return total, log_det
