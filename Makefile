@@ -39,8 +39,8 @@ benchmark: $(INSTALLED)  ## speed and memory, side by side with SciPy
 	$(BIN)/python benchmarks/speed/command_time.py
 
 # The stamp is newer than everything that the installation depends on, the compiled part included.
-$(INSTALLED): pyproject.toml setup.py constraints.txt src/gaia_uwb/locate/_sight.c \
-    src/gaia_uwb/solver/_solver.c src/gaia_uwb/zone/_tour.c
+$(INSTALLED): pyproject.toml setup.py constraints.txt src/gaia_uwb/locate/_covariances.c \
+    src/gaia_uwb/locate/_readings.c src/gaia_uwb/solver/_solver.c src/gaia_uwb/zone/_tour.c
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
 	touch $@

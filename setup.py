@@ -1,4 +1,4 @@
-"""Build the compiled parts: the inner loops of the solver, of lines of sight and of outlines."""
+"""Build the compiled parts: the inner loops of the solver, of the estimator and of outlines."""
 
 import sys
 
@@ -39,6 +39,6 @@ setup(
             sources=[f"src/gaia_uwb/{name.replace('.', '/')}.c"],
             extra_compile_args=[] if sys.platform == "win32" else FLAGS,
         )
-        for name in ("locate._sight", "solver._solver", "zone._tour")
+        for name in ("locate._covariances", "locate._readings", "solver._solver", "zone._tour")
     ],
 )

@@ -30,6 +30,8 @@ ROOT = Path(__file__).resolve().parents[2]
 NEEDED = (
     r"gaia_uwb/py\.typed",
     r"gaia_uwb/__init__\.pyi",
+    r"gaia_uwb/locate/_covariances\..*(so|pyd)",
+    r"gaia_uwb/locate/_readings\..*(so|pyd)",
     r"gaia_uwb/solver/_solver\..*(so|pyd)",
     r"gaia_uwb/zone/_tour\..*(so|pyd)",
     r"gaia_uwb/outputs/assets/map_page\.html",

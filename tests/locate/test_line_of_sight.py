@@ -9,12 +9,46 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from gaia_uwb.locate.line_of_sight import DEGREES, SightChains
+from gaia_uwb.locate.evidence import Motion
+from gaia_uwb.locate.range_model import Averages, Guess, RangeModel
+from readings_by_hand import of_cones
 
 Numbers = NDArray[np.float64]
 
+DEGREES = 4.0
 NOISE_M, SHARE, ALIKE, STEP_S = 0.05, 0.2, 0.6, 0.1
 KEPT_S, LIKE_BEFORE, DRIFT_M = 1.5, 0.7, 0.2
+
+
+def looked_at(
+    left_m: Numbers,
+    *,
+    noise_m: float = NOISE_M,
+    share: float = SHARE,
+    alike: float = 0.0,
+    t_s: Numbers | None = None,
+    cone: NDArray[np.int64] | None = None,
+) -> Averages:
+    """Look at readings whose residuals are given, of a tag that stands 10 m from every cone."""
+    n = len(left_m)
+    cone = np.zeros(n, np.int64) if cone is None else cone
+    t_s = STEP_S * np.arange(n) if t_s is None else t_s
+    evidence = of_cones(t_s, 10.0 + 1e-9 + left_m, cone)  # no distance is below a nanometre
+    n_cones = len(evidence.cones)
+    guess = Guess(
+        own=np.tile([10.0, 0.0, 0.0, 0.0, 0.0], (2, n_cones, 1)),
+        errors=np.tile([0.0, 0.0, noise_m, alike, share, 0.0, 0.0, 0.0, 0.0], (n_cones, 1)),
+        slow_m=np.zeros((2, n)),
+        variance_m2=np.zeros((2, n)),
+    )
+    motion = Motion(np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(n))
+    return RangeModel(evidence).average(motion, guess)
+
+
+def visible(left_m: Numbers, found: Averages, *, noise_m: float = NOISE_M) -> Numbers:
+    """Return how likely each of some readings of independent noise was visible."""
+    weight = (DEGREES + 1) / (DEGREES + (left_m / noise_m) ** 2) / noise_m**2
+    return np.asarray(found.information[0] / weight)
 
 
 def log_new(left_m: float) -> float:
@@ -66,51 +100,50 @@ def by_enumeration(left_m: Numbers) -> tuple[float, Numbers]:
 def test_all_states_written_out_give_the_same(seed: int) -> None:
     rng = np.random.default_rng(seed)
     left_m = NOISE_M * rng.normal(size=6) + np.array([0.0, 0.0, 0.5, 0.5, 0.15, 0.0]) * (seed > 0)
-    chains = SightChains(np.zeros(6, np.int64), STEP_S * np.arange(6.0))
-    full = np.full(6, 1.0)
-    found = chains.solve(left_m, NOISE_M * full, SHARE * full, ALIKE * full)
-    evidence, visible = by_enumeration(left_m)
-    assert -found.loss.sum() == pytest.approx(evidence, abs=1e-9)
-    assert found.visible == pytest.approx(visible, abs=1e-9)
+    found = looked_at(left_m, alike=ALIKE)
+    evidence, seen = by_enumeration(left_m)
+    assert -found.loss[0, 0] == pytest.approx(evidence, abs=1e-9)
+    assert found.hidden[0, 0] == pytest.approx(6 - seen.sum(), abs=1e-9)
+    worth = np.concatenate([[1.0], np.full(5, (1 - ALIKE) / (1 + ALIKE))])
+    likely = seen > 0.01  # the others' cells have the least information that a cell has
+    assert visible(left_m, found)[likely] == pytest.approx((worth * seen)[likely], abs=1e-9)
 
 
 def test_chains_are_independent_and_in_the_order_of_time() -> None:
     rng = np.random.default_rng(1)
     t_s = rng.permutation(40) * 0.1
-    chain = rng.integers(0, 3, 40)
+    cone = np.sort(rng.integers(0, 3, 40))
     left_m = 0.1 * rng.normal(size=40)
-    noise_m, share, alike = np.full(40, 0.05), np.full(40, 0.1), np.full(40, 0.3)
-    together = SightChains(chain, t_s).solve(left_m, noise_m, share, alike)
+    together = looked_at(left_m, alike=0.3, t_s=t_s, cone=cone)
     for k in range(3):
-        own = np.flatnonzero(chain == k)
+        own = np.flatnonzero(cone == k)
         own = own[np.argsort(t_s[own])]
-        zeros = np.zeros(len(own), np.int64)
-        alone = SightChains(zeros, t_s[own]).solve(
-            left_m[own], noise_m[own], share[own], alike[own]
-        )
-        for name in ("visible", "loss", "information", "products", "squares"):
-            assert getattr(together, name)[own] == pytest.approx(getattr(alone, name), abs=1e-12)
+        alone = looked_at(left_m[own], alike=0.3, t_s=t_s[own])
+        assert together.information[:, own] == pytest.approx(alone.information, abs=1e-12)
+        for name in ("loss", "hidden", "square", "pairs"):
+            assert getattr(together, name)[0, k] == pytest.approx(getattr(alone, name)[0, 0])
 
 
 def test_a_stretch_is_judged_as_one_thing() -> None:
     """Twelve hidden readings in a row cost little more than one, not twelve times as much."""
     one, many = np.zeros(60), np.zeros(60)
     one[30], many[24:36] = 0.4, 0.4
-    chains = SightChains(np.zeros(60, np.int64), 0.1 * np.arange(60.0))
-    full = np.ones(60)
-    nothing, single, stretch = (
-        chains.solve(left_m, 0.05 * full, 0.1 * full, 0.0 * full) for left_m in (0 * one, one, many)
-    )
-    assert (stretch.visible[24:36] < 0.01).all() and (stretch.visible[:23] > 0.98).all()
-    cost = [sight.loss.sum() - nothing.loss.sum() for sight in (single, stretch)]
+    nothing, single, stretch = (looked_at(left_m, share=0.1) for left_m in (0 * one, one, many))
+    seen = visible(many, stretch)
+    assert (seen[24:36] < 0.01).all() and (seen[:23] > 0.98).all()
+    cost = [found.loss[0, 0] - nothing.loss[0, 0] for found in (single, stretch)]
     assert cost[1] < 4.0 * cost[0]
 
 
 def test_without_hidden_readings_all_are_visible() -> None:
-    chains = SightChains(np.zeros(5, np.int64), 0.1 * np.arange(5.0))
-    left_m = np.array([0.0, 30.0, 0.0, -4.0, 0.0])
-    sight = chains.solve(left_m, np.full(5, 0.05), np.zeros(5), np.zeros(5))
-    assert (sight.visible == 1.0).all() and np.isfinite(sight.loss).all()
+    found = looked_at(np.array([0.0, 30.0, 0.0, -4.0, 0.0]), share=0.0)
+    assert not found.hidden.any() and np.isfinite(found.loss).all()
+
+
+def test_no_range_is_too_far_off_for_a_likelihood() -> None:
+    found = looked_at(np.array([0.0, 1e9, 0.0, 1e9, 0.0, -1e9, 1e5]), noise_m=1e-3)
+    assert np.isfinite(found.loss).all() and np.isfinite(found.mean).all()
+    assert found.hidden[0, 0] < 7.0
 
 
 def test_how_alike_noise_is_shows_in_neighbours() -> None:
@@ -118,8 +151,12 @@ def test_how_alike_noise_is_shows_in_neighbours() -> None:
     left_m = np.zeros(4000)
     for r in range(1, 4000):
         left_m[r] = 0.7 * left_m[r - 1] + 0.05 * np.sqrt(1 - 0.7**2) * rng.normal()
-    chains = SightChains(np.zeros(4000, np.int64), 0.1 * np.arange(4000.0))
-    full = np.ones(4000)
-    sight = chains.solve(left_m, 0.05 * full, 0.05 * full, 0.7 * full)
-    assert sight.products.sum() / sight.squares.sum() == pytest.approx(0.7, abs=0.05)
-    assert sight.information[1:] == pytest.approx(0.3 / 1.7)
+    products, squares = looked_at(left_m, share=0.05, alike=0.7).pairs[0, 0]
+    assert products / squares == pytest.approx(0.7, abs=0.05)
+
+
+def test_readings_whose_noise_is_alike_add_less() -> None:
+    found = looked_at(np.zeros(9), share=0.0, alike=0.7)
+    weight = (DEGREES + 1) / DEGREES / NOISE_M**2
+    assert found.information[0, 0] == pytest.approx(weight)
+    assert found.information[0, 1:] == pytest.approx(0.3 / 1.7 * weight)

@@ -124,7 +124,8 @@ class Evidence:
 
     @cached_property
     def _rows(self) -> list[tuple[int, Rows]]:
-        return _rows_by_drive(self.drive)
+        order = np.argsort(self.t_s, kind="stable")  # places in the order of time are found faster
+        return [(drive, order[rows]) for drive, rows in _rows_by_drive(self.drive[order])]
 
 
 @dataclass(frozen=True)
@@ -270,19 +271,21 @@ def _motion(
     up_m: Float64[Array, "R"],
     offset_s: Float64[Array, "D"],
 ) -> Motion:
-    position_m, velocity_mps = np.empty((len(t_s), 2)), np.empty((len(t_s), 2))
+    # East and north as one complex number, which is put in its place faster than two.
+    position, velocity = np.empty((2, len(t_s)), dtype=np.complex128)
     gap_m = np.zeros(len(t_s))
     half_s = VELOCITY_OVER_S / 2
     for k, rows in rows_by_drive:
         path = drives[k].trajectory
         at_s = t_s[rows] - offset_s[k]
-        position_m[rows] = drives[k].position_at(at_s)
-        ahead_m, behind_m = (
-            drives[k].position_at(at_s + half_s),
-            drives[k].position_at(at_s - half_s),
+        here_m, ahead_m, behind_m = (
+            drives[k].position_at(at_s + by_s).view(np.complex128)[:, 0]
+            for by_s in (0.0, half_s, -half_s)
         )
-        velocity_mps[rows] = (ahead_m - behind_m) / VELOCITY_OVER_S
+        position[rows] = here_m
+        velocity[rows] = (ahead_m - behind_m) / VELOCITY_OVER_S
         if path.up_m is not None:
             tag_m = np.interp(at_s, path.t_s, path.up_m)
             gap_m[rows] = np.nan_to_num(tag_m - up_m[rows], nan=0.0)
+    position_m, velocity_mps = (x.view(np.float64).reshape(-1, 2) for x in (position, velocity))
     return Motion(position_m, velocity_mps, gap_m)

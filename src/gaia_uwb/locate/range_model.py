@@ -1,148 +1,156 @@
-"""What single readings say of a zone near a guess: residuals, derivatives and robust weights.
+r"""What readings say of a zone near a guess: robust means of derivatives and residuals by cell.
 
-The noise is Student-t; which readings had no line of sight is told by ``line_of_sight.py``.
+A reading is visible or hidden. Visible ones err by Student-t noise of four degrees of freedom;
+hidden ones are too long by something like a metre, rarely too short, or not of this cone at all.
+
+A truck that drives past between vehicle and cone hides the cone for a second or two, so hidden
+readings come in stretches. Were each taken by itself, twelve of them in a row would seem twelve
+times as unlikely as they are, and a cone that was hidden just when the vehicle passed it would be
+put too far from the path, with certainty. So each cone has a hidden Markov chain in each drive:
+from one reading to the next, ``dt`` later, the state stays with probability ``exp(-dt / 1.5 s)``,
+and is else drawn anew.
+
+A reading whose noise is like that of the one before adds less than one whose noise is its own.
+
+All of it is done reading by reading in ``_readings.c``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from math import log
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64
-from gaia_uwb.locate.evidence import PARKED_MPS, Motion
-from gaia_uwb.locate.line_of_sight import DEGREES, SightChains
-
-N_DERIVATIVES = 10
-"""By east and north, by cosine and sine of a cone's pattern, by the growth of the range bias, by
-the clock offset, and by the four of the tag's pattern. All other derivatives are 1."""
-_NEAREST_M = 0.5  # below this a range bias does not grow any more
+from gaia_uwb._shared import Array, Float64, Int64
+from gaia_uwb.locate._readings import average_readings
+from gaia_uwb.locate.evidence import Evidence, Motion
 
 
 @dataclass(frozen=True)
 class Guess:
-    """What is thought, by now, of all that some readings depend on.
+    """What is thought, by now, of all that readings depend on.
 
     Parameters
     ----------
-    own : (5, R)
-        East, north, delay, and cosine and sine of the pattern of each reading's cone.
-    bias_m, growth_m : (R,)
-        Range bias at 10 m, the tag's included, and its growth.
-    pattern_m : sequence of (R,)
-        Of the tag.
-    noise_m, alike : (R,)
-        Noise, and the correlation of that of readings 0.1 s apart.
-    hidden_share : (R,)
-        Share of readings without line of sight.
-    slow_m, variance_m2 : (R,)
-        Slow errors, and how uncertain these are.
+    own : (2, B, 5)
+        East, north, delay, and cosine and sine of the pattern of each block's cone, on both sides.
+    errors : (B, 9)
+        Range bias at 10 m, the tag's included; its growth; noise; correlation of the noise of
+        readings that are 0.1 s apart, below 1; share of hidden readings where nothing is known of
+        those before; and the four of the tag's pattern.
+    slow_m, variance_m2 : (2, C)
+        Slow error of each cell on both sides, and how uncertain it is.
     """
 
-    own: Float64[Array, "5 R"]
-    bias_m: Float64[Array, "R"]
-    growth_m: Float64[Array, "R"]
-    pattern_m: Sequence[Float64[Array, "R"]]
-    noise_m: Float64[Array, "R"]
-    alike: Float64[Array, "R"]
-    hidden_share: Float64[Array, "R"]
-    slow_m: Float64[Array, "R"]
-    variance_m2: Float64[Array, "R"]
+    own: Float64[Array, "2 B 5"]
+    errors: Float64[Array, "B 9"]
+    slow_m: Float64[Array, "2 C"]
+    variance_m2: Float64[Array, "2 C"]
 
 
 @dataclass(frozen=True)
-class Linear:
-    """What readings say near a guess.
+class Averages:
+    """What readings say near a guess, on both sides.
 
     Parameters
     ----------
-    derivatives : list of (R,)
-        Of the range by what is unknown; see :data:`N_DERIVATIVES`.
-    residual_m : (R,)
-        Measured range less the guess's, slow errors not counted.
-    flat_m : (R,)
-        Horizontal distance from the tag to the guess.
-    information : (R,)
-        Inverse variance of what a reading adds, less where it probably had no line of sight.
-    loss : (R,)
-        Negative log likelihood.
-    hidden : (R,)
-        Probability of no line of sight.
-    square : (R,)
-        Weighted squared residual, over the noise's variance.
-    products, squares : (R,)
-        Of neighbouring readings, over the noise's variance; see ``line_of_sight.Sight``.
+    information : (2, C)
+        Of each cell, per square metre: inverse variances of its readings, less where they probably
+        were hidden, where they lie far off, and where their noise is like that of the one before.
+    mean : (2, C, 14)
+        Means weighted by it. Derivatives of the range by the cone's east, north, delay, and cosine
+        and sine of its pattern; by range bias and its growth; by clock offset, bias of the tag and
+        the four of its pattern; then measured range less the guess's, slow errors not counted.
+    loss, hidden, square : (2, n)
+        Of each cone: negative log likelihood; how many readings were hidden; the others' weighted
+        squared residuals, over the noise's variance.
+    pairs : (2, n, 2)
+        Of neighbouring visible readings: products of both residuals, and means of their squares,
+        over the noise's variance.
+    nearest : (2, n)
+        Which reading was taken nearest to each cone's place; -1 where there is none.
     """
 
-    derivatives: list[Float64[Array, "R"]]
-    residual_m: Float64[Array, "R"]
-    flat_m: Float64[Array, "R"]
-    information: Float64[Array, "R"]
-    loss: Float64[Array, "R"]
-    hidden: Float64[Array, "R"]
-    square: Float64[Array, "R"]
-    products: Float64[Array, "R"]
-    squares: Float64[Array, "R"]
+    information: Float64[Array, "2 C"]
+    mean: Float64[Array, "2 C 14"]
+    loss: Float64[Array, "2 n"]
+    hidden: Float64[Array, "2 n"]
+    square: Float64[Array, "2 n"]
+    pairs: Float64[Array, "2 n 2"]
+    nearest: Int64[Array, "2 n"]
 
 
-def linearise(
-    motion: Motion, range_m: Float64[Array, "R"], chains: SightChains, guess: Guess
-) -> Linear:
-    """Return what readings say near a guess.
+class RangeModel:
+    """The readings of some cones, and which of them follow each other.
 
     Parameters
     ----------
-    motion
-        Of the tag, at each reading.
-    range_m : (R,)
-        What was measured.
-    chains
-        Which readings follow each other.
-    guess
-        Where to linearise.
+    evidence
+        The readings, by block and cell.
+
+    Examples
+    --------
+    A tag stands still 10 m from a cone, and one of three readings is 2 m too long:
+
+    >>> none, zeros = np.zeros(1, dtype=np.int64), np.zeros(3, dtype=np.int64)
+    >>> evidence = Evidence(
+    ...     cones=none, drives=(), t_s=np.array([0.0, 5.0, 10.0]), range_m=np.array([10.0, 12, 10]),
+    ...     up_m=np.zeros(3), cone=zeros, drive=zeros, cell=zeros,
+    ...     block_cone=none, block_drive=none, cell_block=none,
+    ... )
+    >>> motion = Motion(np.zeros((3, 2)), np.zeros((3, 2)), np.zeros(3))
+    >>> own = np.tile([10.0, 0.0, 0.0, 0.0, 0.0], (2, 1, 1))
+    >>> errors = np.array([[0.0, 0.0, 0.05, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0]])
+    >>> guess = Guess(own, errors, np.zeros((2, 1)), np.zeros((2, 1)))
+    >>> found = RangeModel(evidence).average(motion, guess)
+    >>> print(f"{found.hidden[0, 0]:.1f} hidden, the others {found.mean[0, 0, -1]:.2f} m off")
+    1.0 hidden, the others 0.00 m off
     """
-    velocity_mps = motion.velocity_mps
-    place_m, delay_m, harmonic_m = guess.own[:2], guess.own[2], guess.own[3:]
-    east_m = place_m[0] - motion.position_m[:, 0]
-    north_m = place_m[1] - motion.position_m[:, 1]
-    flat_m2 = east_m**2 + north_m**2
-    flat_m = np.sqrt(flat_m2) + 1e-9
-    distance_m = np.sqrt(flat_m2 + motion.gap_m**2) + 1e-9
-    decades = np.log(np.maximum(distance_m, _NEAREST_M) / 10.0) / log(10.0)
-    cosine, sine = east_m / flat_m, north_m / flat_m
-    turned = _harmonics(velocity_mps, cosine, sine)
-    towards = east_m / distance_m, north_m / distance_m
-    closing_mps = towards[0] * velocity_mps[:, 0] + towards[1] * velocity_mps[:, 1]
-    residual_m = range_m - distance_m - delay_m - guess.bias_m - guess.growth_m * decades
-    residual_m -= harmonic_m[0] * cosine + harmonic_m[1] * sine
-    for size_m, harmonic in zip(guess.pattern_m, turned, strict=True):
-        residual_m -= size_m * harmonic
-    left_m, noise_m2 = residual_m - guess.slow_m, guess.noise_m**2
-    square = (left_m**2 + guess.variance_m2) / noise_m2
-    wide_m = np.sqrt(noise_m2 + guess.variance_m2)  # else what is not known yet seems hidden
-    sight = chains.solve(left_m, wide_m, guess.hidden_share, guess.alike)
-    weight = sight.visible * ((DEGREES + 1.0) / (DEGREES + square))
-    return Linear(
-        derivatives=[*towards, cosine, sine, decades, closing_mps, *turned],
-        residual_m=residual_m,
-        flat_m=flat_m,
-        information=weight * sight.information / noise_m2,
-        loss=sight.loss,
-        hidden=1.0 - sight.visible,
-        square=weight * square,
-        products=sight.products,
-        squares=sight.squares,
-    )
 
+    def __init__(self, evidence: Evidence) -> None:
+        n_cells, n_blocks = len(evidence.cell_block), len(evidence.block_cone)
+        self._first_row = np.searchsorted(evidence.cell, np.arange(n_cells + 1))
+        self._first_cell = np.searchsorted(evidence.cell_block, np.arange(n_blocks + 1))
+        self._block_cone = np.ascontiguousarray(evidence.block_cone, dtype=np.int64)
+        self._n_cones = len(evidence.cones)
+        self._range_m = np.ascontiguousarray(evidence.range_m)
+        block = evidence.cell_block[evidence.cell]
+        order = np.lexsort((evidence.t_s, block))
+        self._order = order - self._first_row[self._first_cell][block]
+        self._after_s = np.diff(evidence.t_s[order], prepend=0.0)
 
-def _harmonics(
-    velocity_mps: Float64[Array, "R 2"], cosine: Float64[Array, "R"], sine: Float64[Array, "R"]
-) -> tuple[Float64[Array, "R"], ...]:
-    """Return cosine and sine of the bearing from the course, and of twice that; 0 while parked."""
-    speed_mps = np.sqrt(velocity_mps[:, 0] ** 2 + velocity_mps[:, 1] ** 2)
-    moving = speed_mps > PARKED_MPS
-    ahead, left = np.where(moving, velocity_mps.T / np.maximum(speed_mps, PARKED_MPS), 0.0)
-    cos, sin = cosine * ahead + sine * left, sine * ahead - cosine * left
-    return cos, sin, cos**2 - sin**2, 2.0 * cos * sin
+    def average(self, motion: Motion, guess: Guess) -> Averages:
+        """Return what readings say near a guess.
+
+        Parameters
+        ----------
+        motion
+            Of the tag, at each reading.
+        guess
+            Where to look.
+        """
+        n_cells = len(self._first_row) - 1
+        information, mean = np.empty((2, n_cells)), np.empty((2, n_cells, 14))
+        tallies = np.zeros((2, self._n_cones, 5))
+        nearest = np.full((2, self._n_cones), -1, dtype=np.int64)
+        average_readings(
+            np.ascontiguousarray(motion.position_m),
+            np.ascontiguousarray(motion.velocity_mps),
+            np.ascontiguousarray(motion.gap_m),
+            self._range_m,
+            self._order,
+            self._after_s,
+            self._first_row,
+            self._first_cell,
+            self._block_cone,
+            np.ascontiguousarray(guess.own),
+            np.ascontiguousarray(guess.errors),
+            np.ascontiguousarray(guess.slow_m),
+            np.ascontiguousarray(guess.variance_m2),
+            information,
+            mean,
+            tallies,
+            nearest,
+        )
+        loss, hidden, square, *pairs = np.moveaxis(tallies, -1, 0)
+        return Averages(information, mean, loss, hidden, square, np.stack(pairs, axis=-1), nearest)

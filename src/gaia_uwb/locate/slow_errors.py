@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, Int64
+from gaia_uwb.locate._covariances import invert
 from gaia_uwb.locate.evidence import Evidence, Motion
-from gaia_uwb.locate.line_of_sight import SightChains
-from gaia_uwb.locate.range_model import Guess, linearise
+from gaia_uwb.locate.range_model import Guess, RangeModel
 
 OWN = 5
 """Unknowns of a cone: east, north, delay, and the cosine and sine of its pattern."""
@@ -26,12 +26,9 @@ RADIOS = 2
 DRIVE = 6
 """Unknowns of a drive: clock offset, bias of its tag, and four of its tag's pattern."""
 _COLUMNS = OWN + RADIOS + DRIVE
-_VARYING = [0, 1, 3, 4, 6, 7, 9, 10, 11, 12, 13]  # columns that are not the same everywhere
 SCALES_M = (1.0, 4.0, 16.0, 64.0)
 """Correlation lengths of the slow errors."""
-_LEAST_INFORMATION = 1e-2  # of a cell whose readings are all hidden, per square metre
 _GROUP = 128  # blocks worked on together
-_STRETCH = 4096  # readings worked on together: a processor's cache holds all that comes of them
 
 
 @dataclass
@@ -126,36 +123,15 @@ class SlowErrors:
     def __init__(self, evidence: Evidence, offset_s: Float64[Array, "D"]) -> None:
         self.evidence = evidence
         n_cells = len(evidence.cell_block)
-        self._block = evidence.cell_block[evidence.cell]
-        self._n_readings = np.bincount(
-            evidence.block_cone[self._block], minlength=len(evidence.cones)
-        )
-        self._first_row = np.searchsorted(evidence.cell, np.arange(n_cells + 1))
-        self._stretches = list(self._cut())
-        self._chains = [
-            SightChains(self._block[rows], evidence.t_s[rows]) for _, rows in self._stretches
-        ]
+        self._n_readings = np.bincount(evidence.cone, minlength=len(evidence.cones))
+        self._model = RangeModel(evidence)
         position_m = evidence.motion(offset_s).position_m
-        count = np.diff(self._first_row)
+        count = np.bincount(evidence.cell, minlength=n_cells)
         self._middle_m = np.stack(
             [np.bincount(evidence.cell, x, minlength=n_cells) / count for x in position_m.T], axis=1
         )
         self._groups = list(self._grouped())
         self.forget()
-
-    def _cut(self) -> Iterator[tuple[slice, slice]]:
-        """Yield the cells of whole blocks, and their rows, that are worked on together."""
-        first_cell = np.searchsorted(
-            self.evidence.cell_block, np.arange(len(self.evidence.block_cone) + 1)
-        )
-        first_row = self._first_row[first_cell]
-        first, last = 0, len(first_row) - 1
-        while first < last:
-            end = first_row[first] + _STRETCH
-            stop = max(int(np.searchsorted(first_row, end, side="right")) - 1, first + 1)
-            ends = [first, stop]
-            yield slice(*first_cell[ends].tolist()), slice(*first_row[ends].tolist())
-            first = stop
 
     def _grouped(self) -> Iterator[_Group]:
         """Yield groups of blocks with their kernels."""
@@ -232,69 +208,23 @@ class SlowErrors:
         slot = RADIOS + DRIVE * drive_slot[evidence.block_drive]
         bias_m, growth_m = shared[cone, 0] + shared[cone, slot + 1], shared[cone, 1]
         pattern_m = shared[cone[:, None], slot[:, None] + np.arange(2, DRIVE)]
-        errors = [x[cone] for x in (noise_m, alike, hidden_share)]
-        same = np.column_stack([bias_m, growth_m, *errors, pattern_m]).T
-        own_m = own[cone].transpose(1, 2, 0)  # (2, 5, B)
-        n_cells = len(evidence.cell_block)
-        self._mean = np.empty((2, n_cells, _COLUMNS + 1))
-        self._mean[..., [2, 5, 8]] = 1.0  # delay, range bias, bias of the tag
-        self._information = np.empty((2, n_cells))
-        tallies, flat_m = np.empty((2, 5, n_cells)), np.empty((2, len(evidence.range_m)))
-        longest = max((rows.stop - rows.start for _, rows in self._stretches), default=0)
-        buffer = np.empty((6 + len(_VARYING), longest))
-        for (cells, rows), chains in zip(self._stretches, self._chains, strict=True):
-            part = Motion(motion.position_m[rows], motion.velocity_mps[rows], motion.gap_m[rows])
-            block, cell = self._block[rows], evidence.cell[rows]
-            first = self._first_row[cells] - rows.start
-            bias_m, growth_m, noise, correlation, share, *pattern = same.take(block, axis=1)
-            for side in (0, 1):
-                guess = Guess(
-                    own=own_m[side].take(block, axis=1),
-                    bias_m=bias_m,
-                    growth_m=growth_m,
-                    pattern_m=pattern,
-                    noise_m=noise,
-                    alike=correlation,
-                    hidden_share=share,
-                    slow_m=self._slow_m[side, cell],
-                    variance_m2=self._variance_m2[side, cell],
-                )
-                found = linearise(part, evidence.range_m[rows], chains, guess)
-                flat_m[side, rows] = found.flat_m
-                told = buffer[:, : len(cell)]
-                told[:6] = (
-                    found.information,
-                    found.loss,
-                    found.hidden,
-                    found.square,
-                    found.products,
-                    found.squares,
-                )
-                for row, values in zip(
-                    told[6:], (*found.derivatives, found.residual_m), strict=True
-                ):
-                    np.multiply(values, found.information, out=row)
-                total, *sums = np.add.reduceat(told, first, axis=1)
-                total = np.maximum(total, _LEAST_INFORMATION)
-                self._information[side, cells] = total
-                tallies[side, :, cells] = sums[:5]
-                self._mean[side, cells][:, _VARYING] = (np.asarray(sums[5:]) / total).T
-        self._look_across(motion, flat_m)
-        cone, n = cone[evidence.cell_block], len(evidence.cones)
-        by_cone = [[np.bincount(cone, x, minlength=n) for x in side] for side in tallies]
-        self._loss, self._outliers, self._squares, *pairs = np.swapaxes(by_cone, 0, 1)
-        self._pairs = np.stack(pairs, axis=-1)
+        sizes = [x[cone] for x in (noise_m, alike, hidden_share)]
+        guess = Guess(
+            own=np.swapaxes(own[cone], 0, 1),
+            errors=np.column_stack([bias_m, growth_m, *sizes, pattern_m]),
+            slow_m=self._slow_m,
+            variance_m2=self._variance_m2,
+        )
+        self._found = self._model.average(motion, guess)
+        self._look_across(motion, self._found.nearest)
 
-    def _look_across(self, motion: Motion, flat_m: Float64[Array, "2 R"]) -> None:
+    def _look_across(self, motion: Motion, nearest: Int64[Array, "2 n"]) -> None:
         """Keep where the tag came nearest to each place, and what is across the path there."""
-        n = len(self.evidence.cones)
-        self.nearest_m, self.across = np.zeros((n, 2, 2)), np.zeros((n, 2, 2))
-        across = motion.across()
-        for side in (0, 1):
-            near = self.evidence.nearest(flat_m[side])
-            cone = self.evidence.cone[near]
-            self.nearest_m[cone, side] = motion.position_m[near]
-            self.across[cone, side] = across[near]
+        known = nearest.T >= 0
+        rows = nearest.T[known]
+        there = Motion(motion.position_m[rows], motion.velocity_mps[rows], motion.gap_m[rows])
+        self.nearest_m, self.across = np.zeros((2, *known.shape, 2))
+        self.nearest_m[known], self.across[known] = there.position_m, there.across()
 
     def add_to(
         self, sums: Sums, field_m: Float64[Array, "n L"], drive_slot: Int64[Array, "D"]
@@ -310,14 +240,14 @@ class SlowErrors:
         drive_slot : (D,)
             Number of each drive in its zone.
         """
-        evidence = self.evidence
+        evidence, found = self.evidence, self._found
         cones = evidence.cones
         self._solved = []
-        sums.loss[cones] += self._loss.T
+        sums.loss[cones] += found.loss.T
         sums.count[cones] += self._n_readings[:, None]
-        sums.outliers[cones] += self._outliers.T
-        sums.squares[cones] += self._squares.T
-        sums.pairs[cones] += np.swapaxes(self._pairs, 0, 1)
+        sums.outliers[cones] += found.hidden.T
+        sums.squares[cones] += found.square.T
+        sums.pairs[cones] += np.swapaxes(found.pairs, 0, 1)
         for group in self._groups:
             local = evidence.block_cone[group.block]
             cone = cones[local]
@@ -327,19 +257,17 @@ class SlowErrors:
                 [np.tile(np.arange(RADIOS), (len(slot), 1)), slot[:, None] + np.arange(DRIVE)],
                 axis=1,
             )
-            noise = np.where(group.there, 1.0 / self._information[:, group.cell], 1.0)
-            mean = self._mean[:, group.cell] * group.there[..., None]
+            noise = np.where(group.there, 1.0 / found.information[:, group.cell], 1.0)
+            mean = found.mean[:, group.cell] * group.there[..., None]
             slow = np.einsum("bl,blij->bij", field2, group.kernel)
-            total = slow + noise[..., None] * np.eye(noise.shape[-1])
-            inverse = np.linalg.inv(total)
+            inverse, log_det = _inverse(slow, noise)
             solved = inverse @ mean
             matrix = np.swapaxes(mean, -1, -2) @ solved  # (2, b, 14, 14)
             spread = noise - noise**2 * np.diagonal(inverse, axis1=-2, axis2=-1)
             self._solved.append(
                 _Solved(group, column, mean, solved, noise, spread, field2, inverse)
             )
-            diagonal = np.diagonal(np.linalg.cholesky(total), axis1=-2, axis2=-1)
-            log_det = 2.0 * np.log(diagonal).sum(axis=-1) - np.log(noise).sum(axis=-1)
+            log_det -= np.log(noise).sum(axis=-1)
             own, rest = slice(OWN), slice(OWN, _COLUMNS)
             for side in (0, 1):
                 one = matrix[side]
@@ -402,7 +330,7 @@ class SlowErrors:
         evidence = self.evidence
         cone = evidence.block_cone[evidence.cell_block]
         slow_m2 = (field_m**2).sum(axis=1)[cone]
-        weight = (side[cone].T / (1.0 / self._information + slow_m2)).sum(axis=0)
+        weight = (side[cone].T / (1.0 / self._found.information + slow_m2)).sum(axis=0)
         return np.bincount(evidence.block_drive[evidence.cell_block], weight, n_drives)
 
     def add_freedom(self, sums: Sums) -> None:
@@ -437,3 +365,16 @@ class SlowErrors:
                 explained = (np.swapaxes(own, -1, -2) @ (each.group.kernel @ own))[..., 0, 0]
                 np.add.at(total[:, side], cone, explained * each.field2)
         return total
+
+
+def _inverse(
+    slow: Float64[Array, "b M M"], noise_m2: Float64[Array, "2 b M"]
+) -> tuple[Float64[Array, "2 b M M"], Float64[Array, "2 b"]]:
+    """Return the inverse of the covariance of both on each side, and its log determinant."""
+    total = np.repeat(slow[None], 2, axis=0)
+    size = slow.shape[-1]
+    own = np.arange(size)
+    total[..., own, own] += noise_m2
+    log_det = np.empty(noise_m2.shape[:2])
+    invert(total, log_det, size)
+    return total, log_det
