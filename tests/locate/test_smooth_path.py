@@ -33,6 +33,14 @@ def test_noise_goes_and_a_tight_turn_stays() -> None:
     assert np.abs(clean_m).max() < 0.001
 
 
+def test_a_corner_stays() -> None:
+    t_s = np.arange(0.0, 40.0, 0.1)
+    there_and_back = np.stack([np.abs(8.0 * (t_s - 20.0)), np.zeros(len(t_s))], axis=1)
+    rng = np.random.default_rng(0)
+    noisy = Trajectory(t_s, there_and_back + 0.02 * rng.normal(size=(len(t_s), 2)))
+    assert np.abs(smooth_path(noisy).position_m - there_and_back).max() < 0.15
+
+
 def test_gaps_and_uneven_paths_stay_as_they_are() -> None:
     t_s = np.arange(0.0, 20.0, 0.05)
     keep = (t_s < 8.0) | (t_s > 12.0)

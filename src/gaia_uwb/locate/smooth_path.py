@@ -18,6 +18,7 @@ from gaia_uwb.scene import Trajectory
 _HALF_S = 0.5
 _EVEN = 0.2  # times between positions differ by less than this share, where they are even
 _FEWEST = 5  # positions under a parabola
+_MOST_SIGMA = 5.0  # of noise that a position is moved by
 
 
 def smooth_path(path: Trajectory) -> Trajectory:
@@ -26,7 +27,8 @@ def smooth_path(path: Trajectory) -> Trajectory:
     Parameters
     ----------
     path
-        Of the tag's antenna. Around gaps, and where positions come unevenly, it stays as it is.
+        Of the tag's antenna. It stays as it is around gaps, where positions come unevenly, and
+        where the vehicle moved otherwise than on a parabola, by more than noise explains.
 
     Examples
     --------
@@ -48,11 +50,14 @@ def smooth_path(path: Trajectory) -> Trajectory:
     run = np.concatenate([[0], np.cumsum(even)])
     middle = np.arange(half, len(path) - half)
     whole = run[middle + half] - run[middle - half] == 2 * half
-    position_m = path.position_m.copy()
     weights = _parabola(half)
-    for axis in (0, 1):
-        smooth_m = np.convolve(path.position_m[:, axis], weights[::-1], mode="valid")
-        position_m[middle[whole], axis] = smooth_m[whole]
+    smooth_m = np.stack(
+        [np.convolve(each, weights[::-1], mode="valid") for each in path.position_m.T], axis=1
+    )
+    moved_m = np.abs(smooth_m - path.position_m[middle]).max(axis=1)
+    whole &= moved_m <= _MOST_SIGMA * _noise_m(path)
+    position_m = path.position_m.copy()
+    position_m[middle[whole]] = smooth_m[whole]
     return replace(path, position_m=position_m)
 
 
@@ -71,17 +76,19 @@ def speed_noise_mps(path: Trajectory, over_s: float) -> float:
     float
         Standard deviation along each axis, in metres per second.
     """
-    bend_m = np.diff(path.position_m, n=2, axis=0)  # of white noise: 6 times its variance
-    if not len(bend_m):
-        return 0.0
-    sigma_m = 1.4826 * float(np.median(np.abs(bend_m))) / np.sqrt(6.0)
     usual_s = float(np.median(np.diff(path.t_s)))
     half, apart = round(_HALF_S / usual_s), max(round(over_s / usual_s), 1)
     weights = _parabola(half) if 2 * half + 1 >= _FEWEST else np.ones(1)
     difference = np.zeros(len(weights) + apart)
     difference[apart:] += weights
     difference[: len(weights)] -= weights
-    return float(sigma_m * np.linalg.norm(difference) / (apart * usual_s))
+    return float(_noise_m(path) * np.linalg.norm(difference) / (apart * usual_s))
+
+
+def _noise_m(path: Trajectory) -> float:
+    """Return the white noise of positions, along each axis, by how they bend."""
+    bend_m = np.diff(path.position_m, n=2, axis=0)  # of white noise: 6 times its variance
+    return 1.4826 * float(np.median(np.abs(bend_m))) / np.sqrt(6.0) if len(bend_m) else 0.0
 
 
 def _parabola(half: int) -> Float64[Array, "n"]:
