@@ -56,7 +56,7 @@ static const double KEPT_S = 1.5;           /* how long a line of sight, or none
 static const double TOO_LONG_M = 1.0;       /* scale of what hidden readings are too long by */
 static const double STRANGE_M = 50.0;       /* the same where they are not of this cone at all */
 static const double STRANGE = 0.1;          /* how common that is among them */
-static const double TOO_SHORT = 0.1;        /* share of hidden readings that are too short instead */
+static const double TOO_SHORT = 0.1;        /* share of hidden ones that are too short instead */
 static const double LIKE_BEFORE = 0.7;      /* share that err like the hidden one before */
 static const double DRIFT_M = 0.2;          /* what these differ by after a long time */
 static const double APART_S = 0.1;          /* of readings whose noise is as correlated as stated */
@@ -185,7 +185,8 @@ FAST static void compare(const Readings *z, Block *b)
     double *restrict left = b->error, *restrict inverse = b->scale;
     double *restrict new_hidden = b->new_hidden, *restrict still_hidden = b->still_hidden;
     double *restrict visible = b->visible, *restrict still_visible = b->still_visible;
-    const double *restrict same = b->same, *restrict alike = b->alike, *restrict sharper = b->sharper;
+    const double *restrict same = b->same, *restrict alike = b->alike;
+    const double *restrict sharper = b->sharper;
     for (Py_ssize_t i = 0; i < b->n; i++) {
         left[i] = b->left[order[i]];
         inverse[i] = b->inverse[order[i]];
