@@ -416,17 +416,19 @@ class Estimator:
 
         A clock offset shows where the speed changes, and noise of the path looks like changes.
         """
-        scale = np.ones(data.shape[:2])
         column = RADIOS + DRIVE * self._drive_slot
         weight = np.zeros(len(self._drive_slot))
         for field in self._fields:
             cones = field.evidence.cones
             field_m = self._sizes["field_m"][self._zone[cones]]
             weight += field.weight_by_drive(self._weight[cones], field_m, len(weight))
-        told = data[self._drive_zone, column, column]
-        real = 1.0 - weight * self._speed_noise_mps**2 / np.maximum(told, 1e-300)
-        scale[self._drive_zone, column] = np.sqrt(np.clip(real, 0.0, 1.0))
-        return np.asarray(scale[:, :, None] * data * scale[:, None])
+        less = data.copy()
+        less[self._drive_zone, column, column] -= weight * self._speed_noise_mps**2
+        # What is left must not be less than nothing in any direction, such as all clocks together.
+        unit = np.sqrt(np.diagonal(np.linalg.inv(self._prior.precision), axis1=1, axis2=2))
+        value, vector = np.linalg.eigh(unit[:, :, None] * less * unit[:, None])
+        kept = (vector * np.maximum(value, 0.0)[:, None]) @ np.swapaxes(vector, 1, 2)
+        return np.asarray(kept / unit[:, :, None] / unit[:, None])
 
     def _step_length(
         self, inverse: Array, gradient: Array, through: Array, change: Array
