@@ -331,7 +331,8 @@ class SlowErrors:
         cone = evidence.block_cone[evidence.cell_block]
         slow_m2 = (field_m**2).sum(axis=1)[cone]
         weight = (side[cone].T / (1.0 / self._found.information + slow_m2)).sum(axis=0)
-        return np.bincount(evidence.block_drive[evidence.cell_block], weight, n_drives)
+        drive = evidence.block_drive[evidence.cell_block]
+        return np.bincount(drive, weight, n_drives).astype(np.float64)  # of nothing: whole numbers
 
     def add_freedom(self, sums: Sums) -> None:
         """Add how many independent slow errors of each length the readings show.
