@@ -57,6 +57,7 @@ from gaia_uwb.zone import (
     widened,
 )
 
+_LINE_M = 0.02  # wide: no row of cones was ever set up, or located, so straight
 _MISFIT_M = 1.0  # ranges of a working radio on a known path err by less
 _BIAS_SIGMA = 4.0  # no radio has a range bias this many prior standard deviations from 0
 _GROWTH_SIGMA = 2.0  # no radio's bias grows with distance by this many of them
@@ -523,12 +524,20 @@ def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> Iterator[Reaso
     if boundary.status is BoundaryStatus.TOO_FEW_ANCHORS:
         text = "fewer than three cones were located, so there is no boundary"
         yield Reason(ReasonKind.TOO_FEW_CONES, text)
-    elif boundary.status is BoundaryStatus.COLLINEAR:
-        text = "all located cones are on one line, so the boundary encloses no area"
-        yield Reason(ReasonKind.COLLINEAR, text)
     elif _in_one_place(anchors):
         text = "all located cones are in one place within their errors, so there is no boundary"
         yield Reason(ReasonKind.COLLINEAR, text)
+    elif boundary.status is BoundaryStatus.COLLINEAR or _on_one_line(anchors):
+        text = "all located cones are on one line, so the boundary encloses no area"
+        yield Reason(ReasonKind.COLLINEAR, text)
+
+
+def _on_one_line(anchors: Sequence[AnchorFix]) -> bool:
+    """Whether all cones are nearer to one line than any cone is known: on the path, for example."""
+    located = [anchor for anchor in anchors if anchor.status.has_position]
+    place_m = np.array([anchor.position_m for anchor in located])
+    across = np.linalg.svd(place_m - place_m.mean(axis=0), full_matrices=False)[2][1]
+    return bool(np.ptp(place_m @ across) < _LINE_M)
 
 
 def _in_one_place(anchors: Sequence[AnchorFix]) -> bool:
