@@ -414,6 +414,21 @@ def test_notes_of_several_passes_name_their_pass():
     assert result.notes.count(of_both) == 1
 
 
+def test_cones_that_were_driven_over_enclose_nothing() -> None:
+    rng = np.random.default_rng(4)
+    t_s = np.arange(0.0, 40.0, 0.1)
+    path_m = np.stack([3.0 * t_s, np.zeros(len(t_s))], axis=1)
+    reading = np.repeat(np.arange(len(t_s)), 4)
+    anchor = np.tile(np.arange(4), len(t_s))
+    cones_m = np.stack([np.array([30.0, 50.0, 70.0, 90.0]), np.zeros(4)], axis=1)
+    range_m = np.hypot(*(path_m[reading] - cones_m[anchor]).T)
+    ranges = RangeLog(t_s[reading], anchor, range_m + rng.normal(0.0, 0.05, len(reading)))
+    scene = Scene("over", Trajectory(t_s, path_m), ranges, ("a", "b", "c", "d"))
+    result = reconstruct(scene)
+    assert ReasonKind.COLLINEAR in {reason.kind for reason in result.reasons}
+    assert result.status is ReconstructionStatus.UNRELIABLE
+
+
 @pytest.mark.parametrize("denoiser", ["raw", "gaia-set"])
 def test_cones_in_one_place_enclose_nothing(denoiser: str) -> None:
     rng = np.random.default_rng(3)

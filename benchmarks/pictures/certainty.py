@@ -110,7 +110,9 @@ def main() -> None:
     print(f"wrote {OUT}")
 
     error_cm = 100 * np.linalg.norm(place_m - true_m, axis=1)
-    print(f"{RUN}: {len(readings.t_s)} readings, white noise {100 * noise_m:.1f} cm")
+    alike = places.errors[0].sizes.alike
+    print(f"{RUN}: {len(readings.t_s)} readings, noise {100 * noise_m:.1f} cm")
+    print(f"correlation of the noise in 0.1 s: {alike:.1f}")
     print(f"errors of the places {error_cm.min():.1f} to {error_cm.max():.1f} cm")
     for name, covariance_m2 in (("white noise alone", white_m2), ("the whole model", whole_m2)):
         long_cm = 100 * semi_axis_m(covariance_m2)

@@ -533,7 +533,7 @@ def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> Iterator[Reaso
 
 
 def _on_one_line(anchors: Sequence[AnchorFix]) -> bool:
-    """Whether all cones are nearer to one line than any cone is known: on the path, for example."""
+    """Whether all cones are on one line: that of a path that led over them, for example."""
     located = [anchor for anchor in anchors if anchor.status.has_position]
     place_m = np.array([anchor.position_m for anchor in located])
     across = np.linalg.svd(place_m - place_m.mean(axis=0), full_matrices=False)[2][1]

@@ -111,6 +111,12 @@ class Trajectory:
         return len(self.t_s)
 
     @property
+    def position_noise_m(self) -> float:
+        """White noise of the positions along each axis, in metres, by how they bend."""
+        bend_m = np.diff(self.position_m, n=2, axis=0)  # of white noise: 6 times its variance
+        return 1.4826 * float(np.median(np.abs(bend_m))) / np.sqrt(6.0) if len(bend_m) else 0.0
+
+    @property
     def path_length_m(self) -> float:
         """Length of the path, in metres."""
         return float(np.hypot(*np.diff(self.position_m, axis=0).T).sum())

@@ -167,9 +167,7 @@ def _velocity_mps(trajectory: Trajectory, t_s: Float64[Array, "n R"]) -> Float64
 
 def _velocity_noise_mps(trajectory: Trajectory) -> float:
     """Return how much of a velocity, along each axis, may be noise of the path's samples."""
-    bend_m = np.diff(trajectory.position_m, n=2, axis=0)  # of white noise: 6 times its variance
-    sigma_m = 1.4826 * float(np.median(np.abs(bend_m))) / np.sqrt(6.0)
-    return float(np.sqrt(2.0) * sigma_m / _baseline_s(trajectory))
+    return float(np.sqrt(2.0) * trajectory.position_noise_m / _baseline_s(trajectory))
 
 
 def _baseline_s(trajectory: Trajectory) -> float:

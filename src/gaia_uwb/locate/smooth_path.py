@@ -55,7 +55,7 @@ def smooth_path(path: Trajectory) -> Trajectory:
         [np.convolve(each, weights[::-1], mode="valid") for each in path.position_m.T], axis=1
     )
     moved_m = np.abs(smooth_m - path.position_m[middle]).max(axis=1)
-    whole &= moved_m <= _MOST_SIGMA * _noise_m(path)
+    whole &= moved_m <= _MOST_SIGMA * path.position_noise_m
     position_m = path.position_m.copy()
     position_m[middle[whole]] = smooth_m[whole]
     return replace(path, position_m=position_m)
@@ -82,13 +82,7 @@ def speed_noise_mps(path: Trajectory, over_s: float) -> float:
     difference = np.zeros(len(weights) + apart)
     difference[apart:] += weights
     difference[: len(weights)] -= weights
-    return float(_noise_m(path) * np.linalg.norm(difference) / (apart * usual_s))
-
-
-def _noise_m(path: Trajectory) -> float:
-    """Return the white noise of positions, along each axis, by how they bend."""
-    bend_m = np.diff(path.position_m, n=2, axis=0)  # of white noise: 6 times its variance
-    return 1.4826 * float(np.median(np.abs(bend_m))) / np.sqrt(6.0) if len(bend_m) else 0.0
+    return float(path.position_noise_m * np.linalg.norm(difference) / (apart * usual_s))
 
 
 def _parabola(half: int) -> Float64[Array, "n"]:

@@ -16,7 +16,8 @@ with ``d`` the slant distance from the cone to where the tag was at ``t - tau_k`
 - slow errors ``f_nk``: a Gaussian random field over the places of the tag, of four correlation
   lengths from 1 to 64 m (walls, other vehicles, multipath), independent from cone to cone and drive
   to drive;
-- white noise ``e``, which is Student-t, and among it readings without line of sight.
+- noise ``e``, which is Student-t and alike in neighbouring readings, and stretches of readings
+  without line of sight (``range_model.py``).
 
 All but the places have Gaussian priors of centimetres. How large delays, patterns, slow errors and
 noise are, and how many readings are outliers, is estimated from the log by restricted maximum
@@ -55,7 +56,7 @@ _NOISE_M = (0.003, 3.0)  # least and largest white noise
 _MOST_ALIKE, _PAIRS_WORTH = 0.95, 20.0  # correlation of the noise; pairs for none
 _OUTLIERS = (0.002, 0.4)  # least and largest share of outliers
 ALIKE = 2.0
-"""Errors are alike in ways that no model holds: what adds up over many readings counts a quarter.
+"""Errors are alike in ways that no model holds: what adds up over many readings counts half.
 
 ``benchmarks/quality/side_odds.py`` shows how often sides are wrong at which odds."""
 # What radios have: sizes in metres, and for how many degrees of freedom that counts.
