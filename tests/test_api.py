@@ -13,8 +13,10 @@ import gaia_uwb
 from gaia_uwb import PipelineConfig, api, pipeline
 from gaia_uwb._shared.errors import InputError, SourceError
 from gaia_uwb.api import load_scenes, read
+from gaia_uwb.config import Known
 from gaia_uwb.evaluate.source_check import check_source
 from gaia_uwb.logs.native import write_native
+from gaia_uwb.logs.vehicle import Vehicle
 from gaia_uwb.scene import RangeLog, Scene, Trajectory
 from gaia_uwb.simulate import PRESETS, simulate_pass, simulate_zone
 
@@ -34,6 +36,17 @@ def test_settings_and_data_folder_are_handed_on(tmp_path: Path) -> None:
     assert result.config.denoiser == "raw"
     with pytest.raises(SourceError, match=f"not in {tmp_path}"):
         api.reconstruct("outdoor-uwb:NLOS/B/4", data_dir=tmp_path)
+
+
+def test_a_vehicle_that_is_known_is_taken_for_every_log(tmp_path: Path) -> None:
+    clock = Known(value=0.2, sigma=0.005)
+    van = Vehicle(name="van 7", clock_offset_s=clock)
+    scene = read("sim:lane-closure")
+    write_native(scene, tmp_path / "log")
+    for log in (scene, tmp_path / "log", "sim:lane-closure"):
+        result = api.reconstruct(log, PipelineConfig(denoiser="raw"), vehicle=van)
+        assert result.episode.vehicle == "van 7"
+        assert result.config.vehicles["van 7"].clock_offset_s == clock
 
 
 def test_several_logs_are_not_one() -> None:

@@ -228,6 +228,45 @@ def test_a_clock_that_the_drive_does_not_determine_makes_it_unreliable():
     assert along_m == pytest.approx(4.0, rel=0.1)  # 0.5 s at 8 m/s
 
 
+def knowing(offset_s, sigma_s):
+    """Return settings under which the clock offset of a log that names no vehicle is known."""
+    known = {"clock_offset_s": {"value": offset_s, "sigma": sigma_s}}
+    return make_config({"denoiser": "raw", "vehicles": {"": known}})
+
+
+def test_a_clock_that_is_known_gives_a_straight_drive_its_places_along_the_road():
+    rng = np.random.default_rng(0)
+    t_s = np.arange(0.0, 20.0, 0.1)
+    path_m = np.stack([8.0 * t_s - 80.0, np.zeros(len(t_s))], axis=1)
+    step = np.arange(40, 160).repeat(len(CONES))
+    anchor = np.tile(np.arange(len(CONES)), 120)
+    range_m = np.hypot(*(path_m[step] - CONES[anchor]).T) + rng.normal(0.0, 0.05, len(step))
+    ids = tuple(f"cone-{n}" for n in range(len(CONES)))
+    scene = Scene(
+        "straight", Trajectory(t_s, path_m), RangeLog(t_s[step] + 0.7, anchor, range_m), ids
+    )
+    result = reconstruct(scene, knowing(0.7, 0.005))
+    assert ReasonKind.CLOCK not in {each.kind for each in result.reasons}
+    assert result.episode.clock.applied_s == pytest.approx(0.7)
+    places = np.stack([anchor.position_m for anchor in result.anchors])
+    assert np.abs(places[:, 0] - CONES[:, 0]).max() < 0.15
+
+
+def test_a_log_that_contradicts_what_is_known_of_its_clock_is_unreliable():
+    scene = make_scene()
+    result = reconstruct(scene, knowing(0.3, 0.01))
+    (reason,) = [each for each in result.reasons if each.kind is ReasonKind.VEHICLE]
+    assert reason.numbers["said"] == pytest.approx(0.0, abs=0.02)
+    assert result.status is ReconstructionStatus.UNRELIABLE
+    assert not reconstruct(scene, knowing(0.0, 0.01)).reasons
+
+
+def test_of_passes_that_contradict_their_vehicle_one_tells_it():
+    result = reconstruct(simulate_zone(PRESETS["lane-closure"], seed=3), knowing(0.5, 0.01))
+    kinds = [each.kind for each in result.reasons]
+    assert kinds.count(ReasonKind.VEHICLE) == 1
+
+
 def test_a_bent_drive_is_sure_of_its_zone_and_a_straight_one_is_not_sure_of_the_side():
     bent, straight = (reconstruct(make_scene(bend_m=bend_m)) for bend_m in (4.0, 0.0))
     area_m2 = bent.boundary.area_m2

@@ -12,7 +12,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any, Protocol
@@ -47,6 +47,7 @@ class Place:
     mirror_position_m: list[float]
     mirror_probability: float
     status: str
+    side_is_open: bool = False
 
     @classmethod
     def of(
@@ -267,14 +268,17 @@ def ours(config: PipelineConfig) -> Method:
             return [Place.nowhere(*each, status="refused") for each in _truths(passes)], "refused"
         fixes = {fix.anchor_id: fix for fix in result.anchors}
         places = [
-            Place.of(
-                anchor_id,
-                true_m,
-                fixes[anchor_id].position_m,
-                fixes[anchor_id].covariance_m2,
-                fixes[anchor_id].mirror_position_m,
-                mirror_probability=fixes[anchor_id].mirror_probability,
-                status=fixes[anchor_id].status.value,
+            replace(
+                Place.of(
+                    anchor_id,
+                    true_m,
+                    fixes[anchor_id].position_m,
+                    fixes[anchor_id].covariance_m2,
+                    fixes[anchor_id].mirror_position_m,
+                    mirror_probability=fixes[anchor_id].mirror_probability,
+                    status=fixes[anchor_id].status.value,
+                ),
+                side_is_open=fixes[anchor_id].side_is_open,
             )
             for anchor_id, true_m in _truths(passes)
         ]
@@ -302,7 +306,8 @@ def methods(names: Sequence[str], denoisers: Sequence[str]) -> dict[str, Method]
 def made_by(method: str) -> str:
     """Return a digest of all that a method's results follow from, but for the data."""
     digest = hashlib.sha256()
-    for path in (Path(__file__), Path(_drives.__file__), _drives.HELPERS / "roads.py"):
+    drives = (_drives.HELPERS / name for name in ("roads.py", "road_tags.py"))
+    for path in (Path(__file__), Path(_drives.__file__), *drives):
         digest.update(path.read_bytes())
     if method.startswith("ours"):
         package = Path(gaia_uwb.__file__).parent
@@ -314,9 +319,18 @@ def made_by(method: str) -> str:
 
 
 def results_of(
-    data: str, cases: Iterable[Case], method: str, locate: Method, folder: Path
+    data: str,
+    cases: Iterable[Case],
+    method: str,
+    locate: Method,
+    folder: Path,
+    *,
+    before: Callable[[Case], None] = lambda case: None,
 ) -> list[Result]:
-    """Return a method's results of all cases: those on disk, and the others computed and kept."""
+    """Return a method's results of all cases: those on disk, and the others computed and kept.
+
+    What comes ``before`` a case is located is not part of its time.
+    """
     path = folder / f"{data}, by {method}.json".replace(", ", "--").replace(" ", "-")
     digest, kept = made_by(method), {}
     if path.is_file():
@@ -326,6 +340,7 @@ def results_of(
     found = []
     for case in cases:
         if case.name not in kept:
+            before(case)
             kept[case.name] = asdict(_timed(case, locate))
             content = {"made_by": digest, "results": list(kept.values())}
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -29,11 +29,14 @@ from .reconstruction import (
     ReconstructionStatus as ReconstructionStatus,
 )
 from .scene import (
+    ConeRanges as ConeRanges,
     LocalFrame as LocalFrame,
     RangeLog as RangeLog,
     Scene as Scene,
+    Tag as Tag,
     Trajectory as Trajectory,
     Truth as Truth,
+    tag_scenes as tag_scenes,
 )
 from .zone import make_boundary as make_boundary, resolve_sides as resolve_sides
 

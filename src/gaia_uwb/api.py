@@ -20,6 +20,7 @@ from gaia_uwb._shared import SourceError, visible
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.logs import (
     REGISTRY,
+    Vehicle,
     dataset_folder,
     import_function,
     is_described,
@@ -36,6 +37,7 @@ def reconstruct(
     config: PipelineConfig = PipelineConfig(),
     *,
     data_dir: Path | None = None,
+    vehicle: Vehicle | None = None,
 ) -> Reconstruction:
     """Reconstruct a work zone from the log of one drive, or of several drives past it.
 
@@ -49,6 +51,9 @@ def reconstruct(
         All settings.
     data_dir
         Folder that holds the data sets; by default ``GAIA_DATA_DIR``, else the user's cache.
+    vehicle
+        Who drove, if that is known (:func:`gaia_uwb.logs.read_vehicle`): where the tags are on it,
+        unless a log says so, and what is known of its clock and ranges.
 
     Returns
     -------
@@ -83,20 +88,49 @@ def reconstruct(
     >>> [anchor.status.value for anchor in result.anchors[:3]]
     ['ok', 'ok', 'ok']
     """
+    config = config if vehicle is None else knowing(config, vehicle)
     if isinstance(log, (Scene, str, Path)):
-        return pipeline.reconstruct(_scene(log, data_dir), config)
-    return pipeline.reconstruct([_scene(each, data_dir) for each in log], config)
+        return pipeline.reconstruct(_scene(log, data_dir, vehicle), config)
+    return pipeline.reconstruct([_scene(each, data_dir, vehicle) for each in log], config)
 
 
-def _scene(log: Scene | str | Path, data_dir: Path | None) -> Scene:
-    return log if isinstance(log, Scene) else read(log, data_dir=data_dir)
+def _scene(log: Scene | str | Path, data_dir: Path | None, vehicle: Vehicle | None) -> Scene:
+    if isinstance(log, Scene):
+        return _driven_by(vehicle, log)
+    return read(log, data_dir=data_dir, vehicle=vehicle)
+
+
+def _driven_by(vehicle: Vehicle | None, scene: Scene) -> Scene:
+    return scene if vehicle is None else vehicle.drove(scene)
+
+
+def knowing(config: PipelineConfig, *vehicles: Vehicle) -> PipelineConfig:
+    """Return settings with what is known of vehicles.
+
+    Parameters
+    ----------
+    config
+        What they are without.
+    vehicles
+        Of a vehicle that the settings know already, this takes the place of what they know.
+
+    Examples
+    --------
+    >>> from gaia_uwb.logs import Vehicle
+    >>> list(knowing(PipelineConfig(), Vehicle(name="truck 7")).vehicles)
+    ['truck 7']
+    """
+    known = {vehicle.name: vehicle.prior for vehicle in vehicles}
+    return config.model_copy(update={"vehicles": config.vehicles | known})
 
 
 SIMULATOR = "sim"
 """Name of the simulator as a source; the part is a preset."""
 
 
-def read(source: str | Path, *, data_dir: Path | None = None) -> Scene:
+def read(
+    source: str | Path, *, data_dir: Path | None = None, vehicle: Vehicle | None = None
+) -> Scene:
     """Read one log: whatever the command line takes as SOURCE.
 
     Parameters
@@ -105,6 +139,8 @@ def read(source: str | Path, *, data_dir: Path | None = None) -> Scene:
         Like that of :func:`load_scenes`, but it must name one log.
     data_dir
         Folder that holds the data sets; by default ``GAIA_DATA_DIR``, else the user's cache.
+    vehicle
+        Like that of :func:`load_scenes`.
 
     Returns
     -------
@@ -123,7 +159,7 @@ def read(source: str | Path, *, data_dir: Path | None = None) -> Scene:
     >>> read("sim:lane-closure/7").n_anchors
     8
     """
-    scenes = load_scenes(source, data_dir=data_dir)
+    scenes = load_scenes(source, data_dir=data_dir, vehicle=vehicle)
     if len(scenes) > 1:
         names = ", ".join(scene.name for scene in scenes[:5])
         more = f" and {len(scenes) - 5} more" if len(scenes) > 5 else ""
@@ -131,7 +167,9 @@ def read(source: str | Path, *, data_dir: Path | None = None) -> Scene:
     return scenes[0]
 
 
-def load_scenes(source: str | Path, *, data_dir: Path | None = None) -> list[Scene]:
+def load_scenes(
+    source: str | Path, *, data_dir: Path | None = None, vehicle: Vehicle | None = None
+) -> list[Scene]:
     """Load the scenes that a source names.
 
     Parameters
@@ -142,6 +180,8 @@ def load_scenes(source: str | Path, *, data_dir: Path | None = None) -> list[Sce
         A ``Path`` is never read as a name.
     data_dir
         Folder that holds the data sets, see :func:`gaia_uwb.logs.data_folder`.
+    vehicle
+        Who drove, if that is known: its tags are where they are on it, unless a log says so.
 
     Returns
     -------
@@ -165,31 +205,32 @@ def load_scenes(source: str | Path, *, data_dir: Path | None = None) -> list[Sce
     gaia_uwb.SourceError: no-such-place: neither a folder nor one of outdoor-uwb, sim
     """
     if isinstance(source, Path):
-        return [read_log(path) for path in logs_of(str(source))]
+        return [read_log(path, vehicle=vehicle) for path in logs_of(str(source))]
     name, _, part = source.partition(":")
     if name == SIMULATOR:
         from gaia_uwb.simulate import load
 
-        return load(part)
+        return [_driven_by(vehicle, scene) for scene in load(part)]
     if name in REGISTRY:
         scenes: list[Scene] = import_function(REGISTRY[name].loader)(
             dataset_folder(name, data_dir), part
         )
-        return scenes
-    return [read_log(path) for path in logs_of(source)]
+        return [_driven_by(vehicle, scene) for scene in scenes]
+    return [read_log(path, vehicle=vehicle) for path in logs_of(source)]
 
 
 def load_readable(
     source: str,
     *,
     data_dir: Path | None = None,
+    vehicle: Vehicle | None = None,
     each: Callable[[Sequence[Path]], Iterator[Path]] = iter,
 ) -> tuple[list[Scene], list[tuple[Path, Exception]]]:
     """Load the readable logs in a folder, and return the errors of the others with them.
 
     Parameters
     ----------
-    source, data_dir
+    source, data_dir, vehicle
         Like :func:`load_scenes`.
     each
         Goes through the logs; a progress bar may stand here.
@@ -208,24 +249,26 @@ def load_readable(
         Like :func:`load_scenes`, but not for one log of a folder.
     """
     if source.partition(":")[0] in {SIMULATOR, *REGISTRY}:
-        return load_scenes(source, data_dir=data_dir), []
+        return load_scenes(source, data_dir=data_dir, vehicle=vehicle), []
     scenes: list[Scene] = []
     errors: list[tuple[Path, Exception]] = []
     for path in each(logs_of(source)):
         try:
-            scenes.append(read_log(path))
+            scenes.append(read_log(path, vehicle=vehicle))
         except Exception as error:  # a fault in one log must not cost the others
             errors.append((path, error))
     return scenes, errors
 
 
-def read_log(path: Path) -> Scene:
+def read_log(path: Path, *, vehicle: Vehicle | None = None) -> Scene:
     """Read the log at a place, of whatever kind it is.
 
     Parameters
     ----------
     path
         One of :func:`logs_of`.
+    vehicle
+        Like that of :func:`load_scenes`.
 
     Returns
     -------
@@ -237,7 +280,8 @@ def read_log(path: Path) -> Scene:
     InputError, ConfigError
         If the data or their description are wrong.
     """
-    return read_described(path) if is_described(path) else read_native(path)
+    reader = read_described if is_described(path) else read_native
+    return reader(path, vehicle=vehicle)
 
 
 def logs_of(source: str) -> list[Path]:

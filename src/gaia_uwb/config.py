@@ -50,6 +50,15 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
+class Known(Settings):
+    """A number that is known to some certainty."""
+
+    value: float
+    """The number, in the unit that the name of the setting ends in."""
+    sigma: float = Field(gt=0)
+    """Its standard deviation, in the same unit."""
+
+
 class AlignmentConfig(Settings):
     """How ranges and trajectory are brought onto one timeline (``timeline.py``)."""
 
@@ -107,6 +116,9 @@ class SolverConfig(Settings):
     shared one (antenna delay). The robust solver estimates it."""
     position_floor_m: float = Field(default=0.025, ge=0, le=10)
     """Standard deviation that no number of ranges reduces (antenna phase centres, survey)."""
+    azimuth_front_back: bool = False
+    """Whether an angle of arrival may as well have come from the mirror direction, before instead
+    of behind the vehicle: two antennas beside each other cannot tell."""
     ill_conditioned_above_m: float = Field(default=2.0, gt=0, le=1e6)
     """An anchor whose standard deviation in the worst direction exceeds this is flagged."""
 
@@ -176,6 +188,26 @@ class PriorConfig(Settings):
         return not (self.side or self.closure or self.spacing_m or self.known_anchors)
 
 
+class TagPrior(Settings):
+    """What is known of a tag on a vehicle."""
+
+    delay_m: Known | None = None
+    """By how much its ranges are too long, more than those of the vehicle as a whole."""
+    lever_sigma_m: float | None = Field(default=None, gt=0, le=10)
+    """Standard deviation of its lever arm, forward and left; by default that of a tape measure."""
+
+
+class VehiclePrior(Settings):
+    """What is known of a vehicle before the drive (``shared_prior.py``); nothing by default."""
+
+    clock_offset_s: Known | None = None
+    """Radio clock minus trajectory clock."""
+    range_bias_m: Known | None = None
+    """Measured minus true ranges, at 10 m."""
+    tags: dict[str, TagPrior] = Field(default_factory=dict)
+    """Tag's id -> what is known of it."""
+
+
 class PipelineConfig(Settings):
     """Everything that a reconstruction depends on besides the log."""
 
@@ -186,6 +218,8 @@ class PipelineConfig(Settings):
     solver: SolverConfig = SolverConfig()
     sides: SidesConfig = SidesConfig()
     prior: PriorConfig = PriorConfig()
+    vehicles: dict[str, VehiclePrior] = Field(default_factory=dict)
+    """Vehicle's name -> what is known of it; under ``""`` of logs that name no vehicle."""
 
     @model_validator(mode="after")
     def _check(self) -> PipelineConfig:

@@ -26,7 +26,7 @@ from gaia_uwb._shared import (
     freeze,
 )
 from gaia_uwb.estimate import Reason
-from gaia_uwb.scene import LocalFrame, Trajectory
+from gaia_uwb.scene import ConeRanges, LocalFrame, Tag, Trajectory
 
 _END_S = 0.5  # of a path's end, from which it is continued
 
@@ -240,17 +240,22 @@ class RangeReadings:
         Measured slant range, in metres.
     trajectory
         The path of the tag's antenna.
+    azimuth_rad, azimuth_sigma_rad : (R,), optional
+        Angle of arrival from the vehicle's front, counter-clockwise, and its standard deviation;
+        NaN where there is none.
 
     Raises
     ------
     InputError
-        If shapes disagree or a number is not finite.
+        If shapes disagree, or a time or range is not finite.
     """
 
     t_s: Float64[Array, "R"]
     anchor: Int64[Array, "R"]
     range_m: Float64[Array, "R"]
     trajectory: Trajectory
+    azimuth_rad: Float64[Array, "R"] | None = None
+    azimuth_sigma_rad: Float64[Array, "R"] | None = None
 
     def __post_init__(self) -> None:
         shape = np.shape(self.t_s)
@@ -258,6 +263,9 @@ class RangeReadings:
             check_shape(name, freeze(self, name, getattr(self, name), np.float64), shape)
             check_finite(name, getattr(self, name))
         check_shape("anchor", freeze(self, "anchor", self.anchor, np.int64), shape)
+        for name in ("azimuth_rad", "azimuth_sigma_rad"):
+            if getattr(self, name) is not None:
+                check_shape(name, freeze(self, name, getattr(self, name), np.float64), shape)
 
     def position_at(self, t_s: Float64[Array, "r"]) -> Float64[Array, "r 2"]:
         """Return where the tag was, in metres; beyond the path's ends, where it would have been.
@@ -290,7 +298,7 @@ class RangeReadings:
         start_s, stop_s
             Times in the trajectory's clock.
         """
-        return self._only((self.t_s >= start_s) & (self.t_s <= stop_s))
+        return self.rows((self.t_s >= start_s) & (self.t_s <= stop_s))
 
     def without(self, anchors: Bool[Array, "N"]) -> RangeReadings:
         """Return the readings of the other anchors.
@@ -300,14 +308,27 @@ class RangeReadings:
         anchors : (N,)
             Which anchors to leave out.
         """
-        return self._only(~anchors[self.anchor])
+        return self.rows(~anchors[self.anchor])
 
-    def _only(self, own: Bool[Array, "R"]) -> RangeReadings:
+    def rows(self, own: Bool[Array, "R"] | Int64[Array, "r"]) -> RangeReadings:
+        """Return some readings.
+
+        Parameters
+        ----------
+        own
+            Which.
+        """
+
+        def of(values: Array | None) -> Array | None:
+            return None if values is None else values[own]
+
         return replace(
             self,
             t_s=self.t_s[own],
             anchor=self.anchor[own],
             range_m=self.range_m[own],
+            azimuth_rad=of(self.azimuth_rad),
+            azimuth_sigma_rad=of(self.azimuth_sigma_rad),
         )
 
 
@@ -428,6 +449,12 @@ class Episode:
     least_noise_m
         White noise that the ranges have at least, in metres; more than they seem to have where a
         denoiser smoothed them.
+    tag
+        The tag, where it has a name, and where it sits on its vehicle.
+    cone_ranges
+        Ranges between the cones, where these measured any.
+    drive, vehicle
+        The drive, if other episodes are of its other tags, and the vehicle, if it is named.
 
     Raises
     ------
@@ -455,6 +482,10 @@ class Episode:
     errors: DriveErrors | None = field(default=None, repr=False)
     run_errors: DriveErrors | None = field(default=None, repr=False)
     least_noise_m: float = 0.0
+    tag: Tag | None = None
+    cone_ranges: ConeRanges | None = field(default=None, repr=False)
+    drive: str = ""
+    vehicle: str = ""
 
     def __post_init__(self) -> None:
         where = self.name

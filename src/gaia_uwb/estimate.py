@@ -83,6 +83,7 @@ class ReasonKind(StrEnum):
     CLOCK = "clock"
     MISFIT = "misfit"
     RANGE_BIAS = "range-bias"
+    VEHICLE = "vehicle"
     OUTSIDE_TRAINING = "outside-training"
     NOT_ONE_ZONE = "not-one-zone"
     PASSES_APART = "passes-apart"

@@ -22,7 +22,7 @@ from gaia_uwb.alignment import align, calibrate, log_problems
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.denoisers import Denoiser, make_denoiser
-from gaia_uwb.episode import DriveErrors, Episode
+from gaia_uwb.episode import ClockOffset, DriveErrors, Episode
 from gaia_uwb.estimate import (
     AnchorFix,
     AnchorStatus,
@@ -32,12 +32,15 @@ from gaia_uwb.estimate import (
     ReasonKind,
 )
 from gaia_uwb.locate import (
+    CLOCK_KNOWN,
     Hypotheses,
     ZonePlaces,
+    contradicted_values,
     find_places,
     fuse,
     in_one_frame,
     join_windows,
+    known_clock,
     locate,
     mark_moved,
     with_anchor_ranges,
@@ -61,6 +64,7 @@ _LINE_M = 0.02  # wide: no row of cones was ever set up, or located, so straight
 _MISFIT_M = 1.0  # ranges of a working radio on a known path err by less
 _BIAS_SIGMA = 4.0  # no radio has a range bias this many prior standard deviations from 0
 _GROWTH_SIGMA = 2.0  # no radio's bias grows with distance by this many of them
+_MOST_NAMED = 5
 _MOST_PATTERN_M = 0.15  # nor does a tag err by more with the direction from the vehicle
 _CAUSES = (ReasonKind.MISFIT, ReasonKind.CLOCK, ReasonKind.RANGE_BIAS)  # of what fits no place
 
@@ -73,7 +77,7 @@ def prepare(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Episode:
     scene
         The log. Its truth is carried over for scores, but nothing is decided by it.
     config
-        ``alignment``, ``calibration`` and ``solver`` are used.
+        ``alignment``, ``calibration``, ``solver`` and ``vehicles`` are used.
 
     Raises
     ------
@@ -85,10 +89,12 @@ def prepare(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Episode:
 
 def _prepare(scene: Scene, config: PipelineConfig, *, alone: bool) -> Episode:
     """Prepare a log; where it is not ``alone``, its errors are found with those of the others."""
-    episode = _without_hardly_heard(align(scene, config.alignment), config, alone=alone)
+    aligned = align(scene, config.alignment, clock=_known_clock(scene, config))
+    episode = _without_hardly_heard(aligned, config, alone=alone)
     places = find_places([[episode]], config)[0]
+    apart = tuple(contradicted_values([episode], places.errors, config))
     before_s = _applied_s(episode)
-    episode = with_run_errors(episode, places, config.alignment)
+    episode = with_run_errors(episode, places, config)
     if _applied_s(episode) != before_s:
         clock, errors = episode.clock, episode.errors
         episode = _without_hardly_heard(
@@ -102,7 +108,27 @@ def _prepare(scene: Scene, config: PipelineConfig, *, alone: bool) -> Episode:
     problems = log_problems(
         scene, offset_s, max_gap_s=gap_s, unexplained=_unexplained(places, config)
     )
-    return replace(episode, problems=(*problems, *episode.problems))
+    contradictions = _contradictions(places) if alone else ()
+    return replace(episode, problems=(*problems, *apart, *contradictions, *episode.problems))
+
+
+def _contradictions(places: ZonePlaces) -> Iterator[Reason]:
+    """Name ranges between cones that contradict all others."""
+    for one, other, measured_m, expected_m in places.contradictions[:_MOST_NAMED]:
+        text = (
+            f"{one} and {other} measured {measured_m:.2f} m between them, but the other ranges put "
+            f"them {expected_m:.2f} m apart: was one of them moved, or is its id there twice?"
+        )
+        numbers = {"measured_m": measured_m, "expected_m": expected_m}
+        yield Reason(ReasonKind.DOES_NOT_FIT, text, cones=(one, other), numbers=numbers)
+
+
+def _known_clock(scene: Scene, config: PipelineConfig) -> ClockOffset | None:
+    """Return the clock offset that is known of a vehicle, so that none has to be sought."""
+    known = known_clock(scene, config)
+    if known is None or config.alignment.clock_offset == "off":
+        return None
+    return ClockOffset(known.value, known.sigma, True, CLOCK_KNOWN)
 
 
 def _applied_s(episode: Episode) -> float:
@@ -126,14 +152,15 @@ def hardly_heard(episode: Episode, config: PipelineConfig = PipelineConfig()) ->
 def _without_hardly_heard(episode: Episode, config: PipelineConfig, *, alone: bool) -> Episode:
     """Take the ranges of anchors that cannot be located for what they are: none.
 
-    Readings that are too few in one pass may be enough with those of others.
+    Readings that are too few in one pass may be enough with those of others, or with ranges between
+    cones.
     """
     few = hardly_heard(episode, config)
     if not few.any():
         return episode
     valid = episode.valid & ~few
     heard = episode.own_times
-    if alone and heard is not None:
+    if alone and heard is not None and episode.cone_ranges is None:
         heard = heard.without(few)
     range_m = np.where(valid, episode.range_m, np.nan)
     return replace(episode, valid=valid, range_m=range_m, own_times=heard)
@@ -176,7 +203,7 @@ def reconstruct(
     >>> max(fix.mirror_probability for fix in reconstruct([near, far]).anchors) < 0.001
     True
     """
-    scenes = [scene] if isinstance(scene, Scene) else in_one_frame(scene)
+    scenes = in_one_frame([scene] if isinstance(scene, Scene) else scene)
     blind = [each.without_truth() for each in scenes]
     return reconstruct_passes(
         [_prepare(each, config, alone=len(blind) == 1) for each in blind], config
@@ -213,6 +240,7 @@ def reconstruct_passes(
     denoised = _denoise(denoiser, passes, config.denoiser)
     fused = fuse(_evidence(denoiser, passes, denoised), config)
     ids = fused.places.anchor_ids
+    apart = tuple(contradicted_values(passes, fused.places.errors, config))
     passes = [
         _as_fused(episode, errors, fused.places, config)
         for episode, errors in zip(passes, fused.places.errors, strict=True)
@@ -229,7 +257,9 @@ def reconstruct_passes(
     boundary = make_boundary(np.stack([anchor.position_m for anchor in anchors]))
     reasons = (
         *_pass_reasons(passes, denoiser, config),
+        *apart,
         *fused.reasons(),
+        *_contradictions(fused.places),
         *decision.reasons,
         *_reasons(anchors, boundary),
     )
@@ -306,10 +336,13 @@ def _as_fused(
     problems = tuple(
         problem
         for problem in episode.problems
-        if problem.kind not in _CAUSES
-        or (most if not problem.cones else unexplained & {*problem.cones})
+        if problem.kind is not ReasonKind.VEHICLE  # all passes together tell that better
+        and (
+            problem.kind not in _CAUSES
+            or (most if not problem.cones else unexplained & {*problem.cones})
+        )
     )
-    known = with_clock(episode, errors, config.alignment)
+    known = with_clock(episode, errors, config)
     return replace(known, errors=errors, problems=problems)
 
 

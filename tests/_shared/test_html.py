@@ -17,6 +17,7 @@ from gaia_uwb._shared.html import Mark, sketch, summary
 from gaia_uwb._shared.text import printable
 from gaia_uwb.estimate import AnchorStatus, Reason
 from gaia_uwb.reconstruction import ReconstructionStatus
+from gaia_uwb.scene import ConeRanges, Tag
 from gaia_uwb.simulate import PRESETS, simulate_pass
 
 
@@ -113,6 +114,17 @@ def test_a_notebook_shows_what_the_reader_noted_and_found() -> None:
     plain = make_reconstruction()
     result = replace(plain, episode=replace(plain.episode, notes=("no frame",)))
     assert "note: no frame" in Seen(result._repr_html_()).texts
+
+
+def test_a_notebook_shows_where_the_tags_are() -> None:
+    scene = simulate_pass(PRESETS["lane-closure"], seed=0)
+    tags = (Tag("<b>", 1.8, -0.6), Tag("2", up_m=0.4))
+    cones = ConeRanges(np.array([0, 1]), np.array([1, 2]), np.array([6.0, 6.1]))
+    tag = np.resize([0, 1], len(scene.ranges))
+    ranges = replace(scene.ranges, tag=tag)
+    texts = Seen(replace(scene, ranges=ranges, tags=tags, cone_ranges=cones)._repr_html_()).texts
+    assert "tags (m forward, left, up): <b> (1.8, -0.6, 0), 2 (0, 0, 0.4)" in texts
+    assert "2 ranges between cones" in texts
 
 
 def test_anchor_without_any_reading() -> None:

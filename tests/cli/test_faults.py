@@ -15,7 +15,8 @@ from gaia_uwb._shared.errors import ConfigError
 from gaia_uwb.cli.exit_codes import BAD_INPUT, FAULT, UNRELIABLE
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.fleet import find_zones, reconstruct_fleet, write_tables
-from gaia_uwb.fleet.zones import ZoneLogs, reconstruct_zone
+from gaia_uwb.fleet.manifests import ZoneLogs
+from gaia_uwb.fleet.zones import reconstruct_zone
 from gaia_uwb.logs.native import write_native
 from gaia_uwb.simulate import PRESETS, simulate_pass
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gaia_uwb._shared.files import visible
 from gaia_uwb.logs.episodes import read_episodes
-from gaia_uwb.logs.native import write_native
-from gaia_uwb.simulate import PRESETS, simulate_episode, simulate_pass
+from gaia_uwb.logs.native import read_native, write_native
+from gaia_uwb.simulate import PRESETS, simulate_episode, simulate_pass, simulate_zone
 from gaia_uwb.simulate.presets import load_preset
 
 
@@ -26,6 +27,38 @@ def test_simulate_and_read_back(run, tmp_path: Path) -> None:  # type: ignore[no
     code, out, _ = run("data", "check", tmp_path / "passes" / "pass-1")
     assert code == 0
     assert "cone" in out
+
+
+def test_vehicles_of_one_zone_have_clocks_of_their_own(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    arguments = ("simulate", "--preset", "two-tags", "--vehicles", "van-7,van-9")
+    code, _, err = run(*arguments, "--lanes=0,3.6", "--out", tmp_path / "zone")
+    assert (code, err) == (0, "")
+    scenes = simulate_zone(PRESETS["two-tags"], 0, vehicles=("van-7", "van-9"))
+    for k, scene in enumerate(scenes):
+        read = read_native(tmp_path / "zone" / f"pass-{k}")
+        assert read.tags == scene.tags
+        kept = np.isin(scene.ranges.t_s, read.ranges.t_s)
+        assert kept.mean() > 0.99  # what is no range, a reader leaves out
+        assert (read.ranges.tag == scene.ranges.tag[kept]).all()
+    assert scenes[0].truth.clock_offset_s != scenes[1].truth.clock_offset_s
+    assert "--lanes=0,3.6 --vehicles van-7,van-9" in (tmp_path / "zone/simulation.yaml").read_text()
+    code, _, err = run(*arguments, "--out", tmp_path / "other")
+    assert code == 2
+    assert "--vehicles: expected --lanes beside it" in err
+
+
+@pytest.mark.parametrize("preset", ["angles", "cone-ranges"])
+def test_a_log_keeps_angles_and_ranges_among_cones(run, tmp_path: Path, preset: str) -> None:  # type: ignore[no-untyped-def]
+    assert run("simulate", "--preset", preset, "--out", tmp_path / "pass")[0] == 0
+    scene, read = simulate_pass(PRESETS[preset], 0), read_native(tmp_path / "pass")
+    assert (scene.cone_ranges is None) == (read.cone_ranges is None) == (preset == "angles")
+    assert (scene.ranges.azimuth_rad is None) == (read.ranges.azimuth_rad is None)
+    if scene.cone_ranges is not None:
+        range_m = scene.cone_ranges.range_m
+        assert (read.cone_ranges.range_m == range_m[range_m > 0]).all()
+    else:
+        kept = np.isin(scene.ranges.t_s, read.ranges.t_s)
+        assert abs(read.ranges.azimuth_rad - scene.ranges.azimuth_rad[kept]).max() < 1e-9
 
 
 def test_simulate_episodes_of_a_part(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from factories import SQUARE_M, make_fix, make_reconstruction, make_unlocated
-from gaia_uwb.config import AlignmentConfig, KnownAnchor, PipelineConfig, PriorConfig
+from gaia_uwb.config import AlignmentConfig, KnownAnchor, PipelineConfig, PriorConfig, make_config
 from gaia_uwb.episode import ClockOffset, RangeCalibration
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
 from gaia_uwb.evaluate.advice import Advice
@@ -142,7 +142,13 @@ def test_the_other_direction_is_not_asked_for_twice(path_m: np.ndarray, asked: b
 def test_who_trusts_the_clocks_gets_no_advice_on_them() -> None:
     trusted = PipelineConfig(alignment=AlignmentConfig(clock_offset="off"))
     told = advice_for_an_open_side(trusted, clock=UNSURE)
-    assert not {Advice.BOTH_WAYS, Advice.ONE_CLOCK} & set(told)
+    assert not {Advice.BOTH_WAYS, Advice.ONE_CLOCK, Advice.CALIBRATE_VEHICLE} & set(told)
+
+
+def test_a_vehicle_whose_clock_is_known_is_not_to_be_calibrated() -> None:
+    known = make_config({"vehicles": {"": {"clock_offset_s": {"value": 0.1, "sigma": 0.4}}}})
+    assert Advice.CALIBRATE_VEHICLE not in advice_for_an_open_side(known, clock=UNSURE)
+    assert Advice.CALIBRATE_VEHICLE in advice_for_an_open_side(clock=UNSURE)
 
 
 @pytest.mark.parametrize("known", [True, False])

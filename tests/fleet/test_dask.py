@@ -24,8 +24,9 @@ from gaia_uwb._shared.files import visible
 from gaia_uwb.cli.commands import app
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.fleet import dask as fleet_dask
+from gaia_uwb.fleet.manifests import find_zones
 from gaia_uwb.fleet.workers import reconstruct_fleet
-from gaia_uwb.fleet.zones import KILLED, ZoneResult, find_zones, write_tables
+from gaia_uwb.fleet.zones import KILLED, ZoneResult, write_tables
 from gaia_uwb.logs.native import write_native
 from gaia_uwb.simulate import PRESETS, simulate_zone
 from killed_runs import files_of

@@ -21,8 +21,9 @@ import deadly_zones
 from gaia_uwb._shared.errors import InputError, SourceError
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.fleet import zones as fleet
+from gaia_uwb.fleet.manifests import find_zones
 from gaia_uwb.fleet.workers import reconstruct_fleet
-from gaia_uwb.fleet.zones import find_zones, reconstruct_zone, write_tables
+from gaia_uwb.fleet.zones import reconstruct_zone, write_tables
 from gaia_uwb.logs.native import write_native
 from gaia_uwb.simulate import PRESETS, simulate_zone
 from killed_runs import files_of, hidden_in

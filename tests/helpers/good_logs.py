@@ -165,6 +165,66 @@ def write_own(folder: Path, suffix: str = ".csv") -> Path:
     return folder
 
 
+def write_tags(folder: Path, suffix: str = ".csv") -> Path:
+    """Write a log of two tags in GAIA's own format, with attitude, angles and ranges of cones."""
+    t, n = np.arange(40.0), np.arange(160)
+    some = np.where(t % 5 == 0, np.nan, 1.0)
+    tables = {
+        "trajectory": {
+            "t_s": t,
+            "east_m": t * 3,
+            "north_m": t * t / 40,
+            "up_m": np.ones(40),
+            "heading_deg": (85 - t) * some,
+            "roll_deg": some,
+            "pitch_deg": -some,
+        },
+        "ranges": {
+            "t_s": n / 4,
+            "tag_id": np.where(n % 2 == 0, "1", "2"),
+            "anchor_id": [f"c{k // 2 % 3}" for k in n],
+            "range_m": 12.0 + n % 7,
+            "azimuth_deg": np.where(n % 3 == 0, np.nan, n - 80.0),
+            "azimuth_sigma_deg": np.full(160, 5.0),
+        },
+        "cone_ranges": {
+            "anchor_a": ["c0", "c1"],
+            "anchor_b": ["c1", "c2"],
+            "range_m": [6.1, 5.9],
+            "t_s": [1.0, 2.0],
+        },
+    }
+    for name, columns in tables.items():
+        table = pl.DataFrame(columns, nan_to_null=True)
+        path = folder / (name + suffix)
+        table.write_csv(path) if suffix == ".csv" else table.write_parquet(path)
+    scene = {"tags": {1: {"forward_m": 1.0}, "2": {"left_m": 0.5, "own_clock": True}}}
+    (folder / "scene.yaml").write_text(yaml.safe_dump(scene), encoding="utf-8")
+    return folder
+
+
+def write_described_tags(folder: Path) -> Path:
+    """Write mapped tables of two tags, and their description."""
+    write_tags(folder)
+    (folder / "scene.yaml").unlink()
+    for name in ("trajectory", "ranges"):
+        (folder / f"{name}.csv").rename(folder / f"my-{name}.csv")
+    place = {"t_s": "t_s", "east_m": "east_m", "north_m": "north_m"}
+    reading = {"t_s": "t_s", "anchor_id": "anchor_id", "range_m": "range_m", "tag_id": "tag_id"}
+    azimuth = {"column": "azimuth_deg", "scale": 0.5, "clockwise": True}
+    description = {
+        "trajectory": {
+            "file": "my-trajectory.csv",
+            "columns": {**place, "heading_deg": "roll_deg"},
+        },
+        "ranges": [{"file": "my-ranges.csv", "columns": {**reading, "azimuth_deg": azimuth}}],
+        "tags": {1: {"forward_m": 1.0}, 2: {"left_m": 0.5}},
+        "cone_ranges": {"file": "cone_ranges.csv"},
+    }
+    (folder / "gaia.yaml").write_text(yaml.safe_dump(description), encoding="utf-8")
+    return folder
+
+
 def write_described_bag(folder: Path) -> Path:
     """Write a ROS 2 log and a description that says where its messages keep what."""
     log = write_drive(folder, "mcap")
@@ -265,6 +325,9 @@ LOGS: dict[str, Callable[[Path], Path]] = {
     "tables-parquet": lambda folder: write_tables(folder, ".parquet"),
     "own": write_own,
     "own-parquet": lambda folder: write_own(folder, ".parquet"),
+    "tags": write_tags,
+    "tags-parquet": lambda folder: write_tags(folder, ".parquet"),
+    "tags-described": write_described_tags,
     "ros-described": write_described_bag,
     **TRAJECTORIES,
     **{f"ros-{way}": partial(write_vendor, way=way) for way in VENDORS if way != "old-range"},

@@ -25,7 +25,8 @@ from gaia_uwb.denoisers.registry import make_denoiser
 from gaia_uwb.evaluate.log_check import CheckReport
 from gaia_uwb.evaluate.outdoor_check import check_outdoor_static
 from gaia_uwb.evaluate.source_check import check_source
-from gaia_uwb.fleet.zones import find_zones, reconstruct_zone
+from gaia_uwb.fleet.manifests import find_zones
+from gaia_uwb.fleet.zones import reconstruct_zone
 from gaia_uwb.learn.recipes import KINDS, load_recipe, make_recipe
 from gaia_uwb.logs.episodes import read_episodes, write_episodes
 from gaia_uwb.outputs.geojson import boundary_geojson

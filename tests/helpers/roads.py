@@ -132,7 +132,7 @@ def road_drives(
             radios,
             offset_s=radios.offset_s + radios.clock_spread_s * other.normal(),
         )
-        lasting = _Lasting(delays_m, turned_m, radios.tag_pattern_m * other.normal(size=4))
+        lasting = Lasting(delays_m, turned_m, radios.tag_pattern_m * other.normal(size=4))
         scenes.append(_drive(name, path, cones, lasting, frame, drive, rng))
     return scenes
 
@@ -167,12 +167,12 @@ def _path(
     went_m = np.clip(speed_mps * (t_s + ripple), 0, length_m)
     if direction:
         station_m = start_m + went_m if direction > 0 else stop_m - went_m
-        place = road.place(station_m, lane_m + _wander(station_m, rng))
+        place = road.place(station_m, lane_m + wander(station_m, rng))
         return _trajectory(t_s, place)
     steady = np.clip(np.minimum(went_m, went_m[-1] - went_m) / 30.0, 0.0, 1.0)
-    out = road.place(start_m + went_m, steady * _wander(went_m, rng))
+    out = road.place(start_m + went_m, steady * wander(went_m, rng))
     end_m = start_m + went_m[-1]
-    back = road.place(end_m - went_m, lane_m + steady * _wander(went_m, rng))
+    back = road.place(end_m - went_m, lane_m + steady * wander(went_m, rng))
     half_m = lane_m / 2
     turn_s = np.pi * abs(half_m) / 4.0  # at 4 m/s
     angle = np.pi * np.arange(step_s, turn_s, step_s) / turn_s
@@ -181,7 +181,7 @@ def _path(
     return _trajectory(step_s * np.arange(len(place)), place)
 
 
-def _wander(along_m: Numbers, rng: np.random.Generator) -> Numbers:
+def wander(along_m: Numbers, rng: np.random.Generator) -> Numbers:
     """Return how far a driver is beside the middle of the lane: 0.12 m, over tens of metres."""
     waves = [(rng.uniform(35.0, 150.0), rng.uniform(0, 2 * np.pi)) for _ in range(6)]
     each = [np.sin(2 * np.pi * along_m / length_m + phase) for length_m, phase in waves]
@@ -193,7 +193,7 @@ def _trajectory(t_s: Numbers, place: Numbers) -> Trajectory:
 
 
 @dataclass(frozen=True)
-class _Lasting:
+class Lasting:
     """Errors that stay as they are: the cones' delays, and what depends on directions."""
 
     delays_m: Numbers
@@ -222,13 +222,13 @@ def _drive(
     name: str,
     path: Trajectory,
     cones: Numbers,
-    lasting: _Lasting,
+    lasting: Lasting,
     frame: LocalFrame,
     radios: Radios,
     rng: np.random.Generator,
 ) -> Scene:
     """Measure every cone within reach at its own times, through the radios' errors."""
-    trucks = _trucks(path.t_s[-1], radios.trucks_per_s, rng)
+    trucks = trucks_past(path.t_s[-1], radios.trucks_per_s, rng)
     parts = []
     for k, cone in enumerate(cones):
         t_s = np.arange(rng.uniform(0, 0.1), path.t_s[-1], 1 / READINGS_PER_S)
@@ -267,7 +267,7 @@ def _drive(
     )
 
 
-def _trucks(
+def trucks_past(
     duration_s: float, per_s: float, rng: np.random.Generator
 ) -> list[tuple[float, float, float]]:
     """Return start, end and extra length of the times that a truck is in the way."""

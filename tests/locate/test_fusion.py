@@ -203,7 +203,7 @@ def test_no_number_of_passes_makes_a_place_surer_than_the_floor(floor_m):
     together = fuse(passes(5), with_floor(floor_m))
     sigma_m = np.sqrt(np.linalg.eigvalsh(together.hypotheses.covariance_m2))
     assert sigma_m.min() > floor_m
-    assert sigma_m[:, 0].max() < 1.35 * floor_m  # nearly all the rest is averaged away
+    assert sigma_m[:, 0].max() < 1.45 * floor_m  # nearly all the rest is averaged away
 
 
 def test_a_short_look_from_one_direction_does_not_disagree():

@@ -198,7 +198,7 @@ def test_a_window_of_one_step_has_readings():
 
 def test_a_run_gets_the_clock_that_was_found_with_its_cones():
     drive = make_drive(u_turn(), CONES_M, replace(WORKING, offset_s=0.3), seed=2)
-    config = AlignmentConfig()
+    config = PipelineConfig()
     aligned = replace(drive, clock=ClockOffset(0.25, 0.1, True, "a first look"))
     own = drive.own_times
     aligned = replace(aligned, own_times=replace(own, t_s=own.t_s - 0.25))
@@ -209,7 +209,7 @@ def test_a_run_gets_the_clock_that_was_found_with_its_cones():
     assert run.clock.sigma_s < 0.02
     assert run.errors.mean[RADIOS] == pytest.approx(0.0, abs=1e-9)  # relative to that clock
     assert np.array_equal(run.range_m, drive.range_m, equal_nan=True)
-    off = AlignmentConfig(clock_offset="off")
+    off = PipelineConfig(alignment=AlignmentConfig(clock_offset="off"))
     assert with_clock(aligned, places.errors[0], off) is aligned
     bare = replace(drive, clock=None)
     assert with_clock(bare, places.errors[0], config) is bare  # no clock, nothing to correct
@@ -220,6 +220,6 @@ def test_a_clock_that_nothing_determines_is_said_to_be_unknown():
     t_s, end_s = drive.own_times.t_s, drive.own_times.trajectory.t_s[-1]
     inner = with_readings(drive, (t_s > 1.5) & (t_s < end_s - 1.5))
     inner = replace(inner, clock=ClockOffset(0.0, 0.5, False, "unknown"))
-    clock = with_run_errors(inner, fitted(inner), AlignmentConfig()).clock
+    clock = with_run_errors(inner, fitted(inner), PipelineConfig()).clock
     assert clock.sigma_s == pytest.approx(0.5, rel=0.05)
     assert "too straight" in clock.reason

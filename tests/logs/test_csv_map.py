@@ -168,7 +168,7 @@ def test_only_the_rows_of_one_tag(tmp_path: Path) -> None:
         InputError, match=r"column tagId: holds ranges of 2 tags \('1', '2'\)"
     ) as caught:
         read_ranges(path, columns, STAMPS)
-    assert "choose it by where: {tagId: 1} in this file's entry in gaia.yaml" in str(caught.value)
+    assert "or take one by where: {tagId: 1} in this file's entry in gaia.yaml" in str(caught.value)
     for value in (2, "2", 2.0, [2]):
         table, notes = read_ranges(path, columns, STAMPS, where={"tagId": value})
         assert table["range_m"].tolist() == [9.0, 8.0]
@@ -209,7 +209,7 @@ def test_numbers_that_mean_no_range(tmp_path: Path, suffix: str) -> None:
         (RangeColumns, {"range_m": "a"}, "give anchor_id and range_m, or anchors"),
         (RangeColumns, {"anchors": {"a": "b"}, "range_m": "a"}, "not both"),
         (RangeColumns, {"anchors": {}}, "at least one"),
-        (TrajectoryColumns, {"lat": "a", "lon": {"column": "b", "scale": -1.0}}, "heights only"),
+        (TrajectoryColumns, {"lat": "a", "lon": {"column": "b", "scale": -1.0}}, "heights, roll"),
         (TrajectoryColumns, {"lat": "a", "lon": {"column": "b", "iso": True}}, "for t_s only"),
         (TrajectoryColumns, {"east_m": "a", "north_m": "b", "up_m": "c", "down_m": "c"}, "or down"),
         (Column, {}, "give column, or columns"),

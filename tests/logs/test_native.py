@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 from gaia_uwb._shared.errors import ConfigError, GaiaError, InputError, SourceError
 from gaia_uwb._shared.files import visible
 from gaia_uwb.logs.native import is_native, read_native, write_native
-from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory, Truth
+from gaia_uwb.scene import ConeRanges, LocalFrame, RangeLog, Scene, Tag, Trajectory, Truth
 
 # A folder per example is made inside one folder per test.
 ONE_FOLDER = settings(
@@ -61,6 +61,11 @@ RECIPES = st.fixed_dictionaries(
                     "clock",
                     "outlier",
                     "bias",
+                    "attitude",
+                    "azimuth",
+                    "tag",
+                    "tags",
+                    "cones",
                 ]
             )
         ),
@@ -83,6 +88,14 @@ def make_scene(recipe: dict[str, Any]) -> Scene:
         outlier=rng.random(n) < 0.1 if "outlier" in has else None,
         bias_m=rng.normal(0, 1, n) if "bias" in has else None,
     )
+    two_tags = "tags" in has and n > 1
+    tags = (Tag("front", 2.0, -0.5, 0.25 * ("up" in has)), Tag("1", own_clock=True))[: 1 + two_tags]
+    cones = ConeRanges(
+        anchor_a=np.zeros(2, np.int64),
+        anchor_b=np.full(2, max(n_anchors - 1, 1)),
+        range_m=rng.uniform(1, 50, 2),
+        t_s=t_s[:2] if "clock" in has else None,
+    )
     heights_m = np.where(rng.random(n_anchors) < 0.3, np.nan, rng.uniform(0, 3, n_anchors))
     return Scene(
         name=recipe["name"],
@@ -90,6 +103,9 @@ def make_scene(recipe: dict[str, Any]) -> Scene:
             t_s=t_s,
             position_m=rng.normal(0, 50, (len(t_s), 2)),
             up_m=rng.normal(1, 0.1, len(t_s)) if "up" in has else None,
+            heading_rad=angles(rng, len(t_s)) if "attitude" in has else None,
+            roll_rad=angles(rng, len(t_s)) if "attitude" in has else None,
+            pitch_rad=angles(rng, len(t_s)) if "attitude" in has else None,
         ),
         ranges=RangeLog(
             t_s=np.sort(np.append(rng.uniform(t_s[0] - 1, t_s[-1] + 1, n - 1), t_s[0])),
@@ -97,12 +113,24 @@ def make_scene(recipe: dict[str, Any]) -> Scene:
             range_m=np.array(recipe["range_m"]),
             rssi_dbm=rssi_dbm if "rssi" in has else None,
             rssi_fp_dbm=rssi_dbm - 2 if "rssi_fp" in has else None,
+            tag=np.resize([0, 1], n) if two_tags else None,
+            azimuth_rad=angles(rng, n) if "azimuth" in has else None,
+            azimuth_sigma_rad=np.full(n, np.radians(5.0)) if "azimuth" in has else None,
         ),
         anchor_ids=ids,
         anchor_up_m=heights_m if "heights" in has else None,
         frame=recipe["frame"] and LocalFrame(*recipe["frame"]),
         truth=truth if "truth" in has else None,
+        tags=tags if two_tags or "tag" in has else (),
+        cone_ranges=cones if "cones" in has and n_anchors > 1 else None,
     )
+
+
+def angles(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Return angles of degrees with four decimals, of which the first is known."""
+    angle_deg = np.where(rng.random(n) < 0.3, np.nan, np.round(rng.uniform(-179.9, 180, n), 4))
+    angle_deg[0] = 90.0
+    return np.radians(angle_deg)
 
 
 @pytest.mark.parametrize("file_format", ["csv", "parquet"])

@@ -61,7 +61,7 @@ def test_log_and_episode_tell_the_same_pass() -> None:
     np.testing.assert_allclose(scene.trajectory.position_m[:64], episode.position_m, atol=0.1)
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", sorted(PRESETS.keys() - {"two-tags", "angles", "cone-ranges"}))
 def test_measured_is_true_plus_bias_plus_noise(name: str) -> None:
     ranging = PRESETS[name].ranging.model_copy(
         update={"sigma_m": 0.0, "sigma_per_m": 0.0, "held_share": 0.0, "clock_offset_s": 0.0,

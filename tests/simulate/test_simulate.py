@@ -202,7 +202,7 @@ def test_load_gives_several_passes() -> None:
 )
 def test_load_names_the_presets_or_the_bad_seed(part: str) -> None:
     with pytest.raises(
-        SourceError, match=r"lane-closure, straight, parked|whole number|at least one"
+        SourceError, match=r"lane-closure, straight, two-tags|whole number|at least one"
     ):
         load(part)
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -155,6 +157,34 @@ def test_a_surveyed_cone_has_its_side_and_a_better_place() -> None:
     on_earth = KnownAnchor(anchor_id="cone-1", lat_deg=lat_deg[0], lon_deg=lon_deg[0], sigma_m=0.05)
     again = decide(found, frame=SITE, known_anchors=(on_earth,)).anchors[1]
     assert again.position_m == pytest.approx(fix.position_m, abs=1e-3)
+
+
+def test_a_survey_tells_what_all_cones_have_in_common() -> None:
+    rng = np.random.default_rng(4)
+    n, sigma_m = 4, 0.05
+    found, _ = make_hypotheses(n, seed=3)
+    shared_m = np.repeat(rng.normal(0.0, 1.0, (n, 1, 2, 3)), 2, axis=1)
+    own_m2 = found.covariance_m2[:, 0]
+    shared_m2 = shared_m @ np.swapaxes(shared_m, -1, -2)
+    found = replace(found, covariance_m2=own_m2[:, None] + shared_m2, shared_m=shared_m)
+    survey_m = found.position_m[1, 0] + [1.0, -0.5]
+    facts = KnownFacts(PriorConfig(), PATH_M, {1: (survey_m, sigma_m)}, ("a", "b", "c", "d"))
+    told = facts.with_surveys(found)
+    # All places at once, conditioned on the survey by the book.
+    rows = shared_m[:, 0].reshape(2 * n, 3)
+    covariance_m2 = rows @ rows.T
+    for k in range(n):
+        covariance_m2[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] += own_m2[k]
+    to_survey = covariance_m2[:, 2:4]
+    gain = to_survey @ np.linalg.inv(covariance_m2[2:4, 2:4] + sigma_m**2 * np.eye(2))
+    place_m = found.position_m[:, 0].ravel() + gain @ [1.0, -0.5]
+    left_m2 = (covariance_m2 - gain @ to_survey.T).reshape(n, 2, n, 2)
+    assert told.position_m[:, 0].ravel() == pytest.approx(place_m)
+    for k in range(n):
+        assert told.covariance_m2[k, 0] == pytest.approx(left_m2[k, :, k])
+        for other in set(range(n)) - {k}:
+            common = told.shared_m[k, 0] @ told.shared_m[other, 0].T
+            assert common == pytest.approx(left_m2[k, :, other])
 
 
 def test_a_wrong_survey_is_told_and_not_used() -> None:

@@ -120,6 +120,10 @@ def align(
         problems=tuple(spike_problems(counts)),
         readings=counts,
         own_times=_own_times(scene, clock.applied_s, config),
+        tag=scene.tags[0] if len(scene.tags) == 1 else None,
+        cone_ranges=scene.cone_ranges,
+        drive=scene.drive,
+        vehicle=scene.vehicle,
     )
 
 
@@ -128,12 +132,15 @@ def _own_times(scene: Scene, offset_s: float, config: AlignmentConfig) -> RangeR
     log = scene.ranges
     t_s = log.t_s - offset_s
     known = pose_at(scene.trajectory, t_s, config.max_pose_gap_s).known
-    return RangeReadings(
-        t_s=t_s[known],
-        anchor=log.anchor[known],
-        range_m=log.range_m[known],
+    readings = RangeReadings(
+        t_s=t_s,
+        anchor=log.anchor,
+        range_m=log.range_m,
         trajectory=scene.trajectory,
+        azimuth_rad=log.azimuth_rad,
+        azimuth_sigma_rad=log.azimuth_sigma_rad,
     )
+    return readings.rows(known)
 
 
 def _check_overlap(scene: Scene, config: AlignmentConfig) -> None:

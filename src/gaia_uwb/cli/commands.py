@@ -20,6 +20,7 @@ from gaia_uwb.cli.reconstruct import reconstruct
 from gaia_uwb.cli.reproduce import reproduce_app
 from gaia_uwb.cli.simulate import simulate
 from gaia_uwb.cli.train import train
+from gaia_uwb.cli.vehicle import vehicle_app
 from gaia_uwb.cli.wzdx import wzdx_app
 
 app = typer.Typer(
@@ -33,6 +34,7 @@ app = typer.Typer(
 )
 app.add_typer(data_app, name="data")
 app.add_typer(reproduce_app, name="reproduce")
+app.add_typer(vehicle_app, name="vehicle")
 app.add_typer(wzdx_app, name="wzdx")
 
 

@@ -7,7 +7,13 @@ from typing import Annotated
 import typer
 
 from gaia_uwb.cli.exit_codes import BAD_INPUT, FAULT, UNRELIABLE, keep_traceback, tell
-from gaia_uwb.cli.options import DataDirOption, SourceArgument
+from gaia_uwb.cli.options import (
+    ClockOffsetOption,
+    DataDirOption,
+    SourceArgument,
+    VehicleOption,
+    with_vehicles,
+)
 from gaia_uwb.cli.terminal import Progress
 
 data_app = typer.Typer(help="List, fetch and check data.", no_args_is_help=True)
@@ -50,16 +56,24 @@ def data_fetch(
 def data_check(
     source: SourceArgument,
     data_dir: DataDirOption = None,
+    vehicle: VehicleOption = None,
+    clock_offset: ClockOffsetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Report what a log contains, its problems and what it can support; exit 1 on problems."""
     import json
 
     from gaia_uwb._shared import faults_text
+    from gaia_uwb.config import PipelineConfig
     from gaia_uwb.evaluate import check_source
+    from gaia_uwb.logs import read_vehicle
 
+    driver = None if vehicle is None else read_vehicle(vehicle)
+    settings = with_vehicles(PipelineConfig(), [] if driver is None else [driver], clock_offset)
     with Progress() as progress:
-        reports = check_source(source, data_dir=data_dir, progress=progress.update)
+        reports = check_source(
+            source, settings, data_dir=data_dir, vehicle=driver, progress=progress.update
+        )
     if as_json:
         content = {"schema": 2, "reports": [report.as_json() for report in reports]}
         typer.echo(json.dumps(content, indent=1, allow_nan=False))

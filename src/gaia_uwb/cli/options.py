@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, no_type_check
 import typer
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from gaia_uwb.config import PipelineConfig
+    from gaia_uwb.logs import Vehicle
 
 
 class SolverName(StrEnum):
@@ -101,6 +102,111 @@ KnownAnchorOption = Annotated[
         "optional third number is its standard deviation in metres. Can be repeated.",
     ),
 ]
+
+
+VehicleOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--vehicle",
+        metavar="FILE",
+        help="Known: where the vehicle's tags are, and its clock offset and range bias, as 'gaia "
+        "vehicle calibrate' writes them.",
+    ),
+]
+ClockOffsetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--clock-offset",
+        metavar="SECONDS,SIGMA",
+        help="Known: by how much the radio's clock is ahead of the trajectory's, and the standard "
+        "deviation of that.",
+    ),
+]
+
+
+def with_vehicles(
+    settings: PipelineConfig, vehicles: Sequence[Vehicle], clock_offset: str | None
+) -> PipelineConfig:
+    """Return settings with what the command line says about vehicles.
+
+    Parameters
+    ----------
+    settings
+        What they are without it.
+    vehicles
+        What the files of ``--vehicle`` hold.
+    clock_offset
+        The option: what is known of a vehicle of which nothing else is.
+
+    Raises
+    ------
+    ConfigError
+        If the option is malformed, or comes with a vehicle.
+    """
+    from gaia_uwb._shared import ConfigError
+    from gaia_uwb.api import knowing
+    from gaia_uwb.config import Known, VehiclePrior
+
+    known = knowing(settings, *vehicles)
+    if clock_offset is None:
+        return known
+    if vehicles:
+        problem = "give one: a vehicle's file holds its clock_offset_s"
+        raise ConfigError(f"--vehicle and --clock-offset: {problem}")
+    offset_s, sigma_s = _clock_offset(clock_offset)
+    prior = VehiclePrior(clock_offset_s=Known(value=offset_s, sigma=sigma_s))
+    return settings.model_copy(update={"vehicles": {**settings.vehicles, "": prior}})
+
+
+def read_vehicles(paths: Sequence[Path]) -> list[Vehicle]:
+    """Return the vehicles that are described in files, and in folders of such files.
+
+    Parameters
+    ----------
+    paths
+        The files and folders.
+
+    Raises
+    ------
+    ConfigError
+        If a name is there twice, or a description is wrong.
+    InputError
+        If a file cannot be read.
+    """
+    from gaia_uwb._shared import ConfigError
+    from gaia_uwb.logs import read_vehicle
+
+    files = [
+        file
+        for path in paths
+        for file in (sorted(path.glob("*.yaml")) if path.is_dir() else [path])
+    ]
+    vehicles = [read_vehicle(file) for file in files]
+    for n, vehicle in enumerate(vehicles):
+        for file, other in zip(files, vehicles[:n], strict=False):
+            if other.name == vehicle.name:
+                problem = f"{file} and {files[n]} have the same name, {vehicle.name}"
+                raise ConfigError(f"--vehicle: {problem}")
+    return vehicles
+
+
+def _clock_offset(text: str) -> tuple[float, float]:
+    """Read SECONDS,SIGMA."""
+    from math import isfinite
+
+    from gaia_uwb._shared import ConfigError
+
+    try:
+        numbers = [float(number) for number in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) == 1 and isfinite(numbers[0]):
+        problem = f"add the standard deviation, such as {numbers[0]:g},0.005"
+        raise ConfigError(f"--clock-offset: {problem}, got {text!r}")
+    if len(numbers) != 2 or not all(map(isfinite, numbers)) or numbers[1] <= 0.0:
+        problem = "expected SECONDS,SIGMA with a standard deviation above 0"
+        raise ConfigError(f"--clock-offset: {problem}, got {text!r}")
+    return numbers[0], numbers[1]
 
 
 def with_prior(

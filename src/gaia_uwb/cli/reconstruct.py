@@ -10,6 +10,7 @@ import typer
 from gaia_uwb._shared import printable
 from gaia_uwb.cli.exit_codes import BAD_INPUT, FAULT, UNRELIABLE, stop, tell
 from gaia_uwb.cli.options import (
+    ClockOffsetOption,
     ClosureOption,
     ConfigOption,
     DataDirOption,
@@ -18,9 +19,11 @@ from gaia_uwb.cli.options import (
     SideOption,
     SolverOption,
     SpacingOption,
+    VehicleOption,
     make_settings,
     model_folders,
     with_prior,
+    with_vehicles,
 )
 from gaia_uwb.cli.terminal import Progress, print_summary
 
@@ -64,6 +67,8 @@ def reconstruct(
     closure: ClosureOption = None,
     spacing: SpacingOption = None,
     known_anchor: KnownAnchorOption = None,
+    vehicle: VehicleOption = None,
+    clock_offset: ClockOffsetOption = None,
     svg: Annotated[bool, typer.Option("--svg", help="Also write plot.svg.")] = False,
     gis: Annotated[
         bool, typer.Option("--gis", help="Also write boundary.gpkg and boundary.kml.")
@@ -73,12 +78,14 @@ def reconstruct(
     from gaia_uwb.api import load_readable
     from gaia_uwb.evaluate import reconstruct_and_score
     from gaia_uwb.fleet import FAILURE_FILES
-    from gaia_uwb.logs import results_folder
+    from gaia_uwb.logs import read_vehicle, results_folder
     from gaia_uwb.outputs import RESULT_FILES, write_all
     from gaia_uwb.reconstruction import ReconstructionStatus
 
     settings = make_settings(config, denoiser, solver)
     settings = with_prior(settings, side, closure, spacing, known_anchor)
+    driver = None if vehicle is None else read_vehicle(vehicle)
+    settings = with_vehicles(settings, [] if driver is None else [driver], clock_offset)
     read: list[str | Path] = [*sources, *model_folders([settings.denoiser])]
     results = results_folder(out, read, data_dir=data_dir)
     scenes: list[Scene] = []
@@ -86,7 +93,10 @@ def reconstruct(
     with Progress() as progress:
         for source in sources:
             readable, unreadable = load_readable(
-                source, data_dir=data_dir, each=lambda logs: progress.track(logs, "read")
+                source,
+                data_dir=data_dir,
+                vehicle=driver,
+                each=lambda logs: progress.track(logs, "read"),
             )
             scenes += readable
             failures += unreadable

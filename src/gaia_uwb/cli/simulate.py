@@ -70,6 +70,14 @@ def simulate(
             "usual lane, towards the open side, in metres.",
         ),
     ] = None,
+    vehicles: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,NAME,...",
+            help="The vehicle of each of the --lanes; vehicles of the same name share their clock "
+            "and radios.",
+        ),
+    ] = None,
     workers: Annotated[int, typer.Option(min=1, help="Number of worker processes.")] = 1,
     calibrate_from: Annotated[
         str | None,
@@ -84,16 +92,21 @@ def simulate(
     if calibrate_from is not None:
         _calibrate(calibrate_from, out, data_dir)
         return
+    from gaia_uwb._shared import ConfigError
     from gaia_uwb.config import dump_config
     from gaia_uwb.logs import results_folder
     from gaia_uwb.simulate import find_preset
 
+    if vehicles is not None and lanes is None:
+        raise ConfigError("--vehicles: expected --lanes beside it")
     config = find_preset(preset)
     if split is not LayoutPart.ALL:
         config = config.model_copy(update={"split": split.value})
     folder = results_folder(out, for_log=True)
     folder.claim([_SETTINGS])
     how = f"--episodes {episodes}" if lanes is None else f"--lanes={lanes}"
+    if vehicles is not None:
+        how += f" --vehicles {vehicles}"
     header = f"# gaia {version()} simulate --preset {preset} {how} --seed {seed}"
     if lanes is None and written_as is SimulatedAs.EPISODES:
         settings = f"{header} --as episodes\n{dump_config(config)}"
@@ -101,7 +114,7 @@ def simulate(
     else:
         already = 0
         if lanes is not None:
-            episodes = _simulate_zone(config, lanes, seed, out, table_format)
+            episodes = _simulate_zone(config, lanes, vehicles, seed, out, table_format)
         else:
             _simulate_logs(config, episodes, seed, out, table_format)
         folder.write(_SETTINGS, f"{header}\n{dump_config(config)}")
@@ -119,7 +132,12 @@ def _simulate_logs(
 
 
 def _simulate_zone(
-    config: PassConfig, lanes: str, seed: int, out: Path, table_format: TableFormat
+    config: PassConfig,
+    lanes: str,
+    vehicles: str | None,
+    seed: int,
+    out: Path,
+    table_format: TableFormat,
 ) -> int:
     """Write passes of one zone as logs and return how many."""
     from gaia_uwb._shared import ConfigError
@@ -129,7 +147,8 @@ def _simulate_zone(
         lanes_m = [float(lane) for lane in lanes.split(",")]
     except ValueError as error:
         raise ConfigError(f"--lanes: expected comma-separated metres, got {lanes!r}") from error
-    scenes = simulate_zone(config, seed, lanes_m=lanes_m)
+    names = None if vehicles is None else vehicles.split(",")
+    scenes = simulate_zone(config, seed, lanes_m=lanes_m, vehicles=names)
     _write_logs(scenes, len(scenes), out, table_format)
     return len(scenes)
 

@@ -20,6 +20,10 @@ class Advice(StrEnum):
         "Check that all logs are of this zone and in one frame, and that each cone has the same id "
         "in all of them."
     )
+    CHECK_VEHICLE = (
+        "Check that the log is of the vehicle that was stated (`--vehicle`, `--clock-offset`); if "
+        "it is, calibrate that again (`gaia vehicle calibrate`)."
+    )
     CHECK_CONES = (
         "Find out whether these cones were moved between the passes; if so, use only the later "
         "passes."
@@ -48,6 +52,10 @@ class Advice(StrEnum):
     ONE_CLOCK = (
         "Better still, timestamp positions and ranges with one clock, such as that of the GNSS "
         "receiver."
+    )
+    CALIBRATE_VEHICLE = (
+        "Calibrate the vehicle once (`gaia vehicle calibrate`) and give what comes of it by "
+        "`--vehicle`, or a clock offset that you know by `--clock-offset`."
     )
     LONGER = "Record more of the drive: start well before the first cone and end after the last."
     SLOWER = "Drive past the cones more slowly: half the speed gives twice as many ranges."

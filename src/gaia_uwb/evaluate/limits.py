@@ -18,6 +18,7 @@ from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
 from gaia_uwb.evaluate.advice import Advice
 from gaia_uwb.evaluate.residuals import range_residual_m
+from gaia_uwb.locate import known_clock
 
 _CLOCK_SHIFT_M = 0.1  # a clock that is known worse than this moves the cones visibly
 _FEW_RANGES = 30
@@ -39,6 +40,7 @@ _ADVICE = {
     ReasonKind.STATEMENT: Advice.CHECK_STATEMENT,
     ReasonKind.EXCEPTION: Advice.CHECK_STATEMENT,
     ReasonKind.NOT_ONE_ZONE: Advice.CHECK_PASSES,
+    ReasonKind.VEHICLE: Advice.CHECK_VEHICLE,
 }
 """What to do about the reasons that no check of the ranges below finds."""
 
@@ -184,9 +186,15 @@ def _followed(view: _View) -> frozenset[Advice]:
         Advice.SURVEY: not surveyed.isdisjoint(open_ids),
         Advice.BOTH_WAYS: trusted or _both_ways(view.passes),
         Advice.ONE_CLOCK: trusted,
+        Advice.CALIBRATE_VEHICLE: trusted or _is_known(view),
         Advice.HEIGHTS: view.heights_are_known,
     }
     return frozenset(advice for advice, done in followed.items() if done)
+
+
+def _is_known(view: _View) -> bool:
+    """Whether the clock offset of every pass was known before."""
+    return all(known_clock(episode, view.config) is not None for episode in view.passes)
 
 
 def _strays(view: _View) -> bool:
@@ -239,7 +247,8 @@ def _clock(view: _View) -> Iterator[Limit]:
         f"(90 %). At the typical speed of {view.episode.usual_speed_mps:.1f} m/s, that shifts all "
         f"cones together by ± {metres(shift_m)} (90 %) along the road."
     )
-    yield Limit(ReasonKind.CLOCK, text, (Advice.BOTH_WAYS, Advice.ONE_CLOCK))
+    advice = (Advice.BOTH_WAYS, Advice.CALIBRATE_VEHICLE, Advice.ONE_CLOCK)
+    yield Limit(ReasonKind.CLOCK, text, advice)
 
 
 def _short_path(view: _View) -> Iterator[Limit]:

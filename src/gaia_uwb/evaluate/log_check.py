@@ -10,17 +10,19 @@ problem here is a reason there. No truth is used. What the geometry allows is in
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from gaia_uwb._shared import Array, Bool, InputError, in_a_line, problem_of
 from gaia_uwb.alignment import log_notes, usual_interval_s
+from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import Episode, ReadingCounts
+from gaia_uwb.evaluate.log_evidence import evidence_of
 from gaia_uwb.evaluate.observability import Observability, observe
 from gaia_uwb.pipeline import hardly_heard, log_reasons, prepare
-from gaia_uwb.scene import Scene, Trajectory
+from gaia_uwb.scene import Scene, Trajectory, tag_scenes
 
 GAP_S = 0.3
 """Two readings of an anchor further apart than this, and than 2.5 usual steps, have a gap between
@@ -113,6 +115,11 @@ class CheckReport:
         Whether the log could be read at all.
     traceback
         Of the fault of the program because of which it was not checked, if there is one.
+    evidence
+        What the log holds besides the ranges of one tag, and what that decides, a sentence each.
+    tags
+        What was found of each tag, where there are several; then the report on the log has no
+        table of its own, and the problems of all of them.
     """
 
     name: str
@@ -123,6 +130,8 @@ class CheckReport:
     notes: tuple[str, ...] = ()
     readable: bool = True
     traceback: str = ""
+    evidence: tuple[str, ...] = ()
+    tags: tuple[CheckReport, ...] = ()
 
     @classmethod
     def of_failure(cls, name: str, error: Exception) -> CheckReport:
@@ -139,6 +148,10 @@ class CheckReport:
                 f"  path: {d.n_samples} samples in {d.duration_s:.1f} s ({d.rate_hz:.1f} Hz), "
                 f"{d.path_length_m:.1f} m long within {d.extent_m:.1f} m"
             )
+        lines += [f"  evidence: {each}" for each in self.evidence]
+        if self.tags:
+            of_tags = [line for tag in self.tags for line in tag.lines()]
+            return [in_a_line(line, _LONGEST_LINE) for line in lines] + of_tags
         if self.anchors:
             lines.append(_HEADING)
             lines += [_anchor_line(anchor) for anchor in self.anchors]
@@ -153,7 +166,8 @@ class CheckReport:
     def as_json(self) -> dict[str, Any]:
         """Return the report as plain values; a number that is not finite is None."""
         content: dict[str, Any] = _finite(asdict(self))
-        content.pop("traceback")
+        for report in (content, *content["tags"]):
+            report.pop("traceback")
         return content
 
 
@@ -184,7 +198,10 @@ def _anchor_line(a: AnchorCheck) -> str:
 
 
 def check_scene(
-    scene: Scene, *, progress: Callable[[int, int], None] = lambda done, total: None
+    scene: Scene,
+    config: PipelineConfig = PipelineConfig(),
+    *,
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> CheckReport:
     """Check a scene's raw log.
 
@@ -192,13 +209,15 @@ def check_scene(
     ----------
     scene
         The log, with the notes of its reader.
+    config
+        What is known of vehicles counts, and how the log is prepared.
     progress
         Called with the number of anchors that are checked, and of all anchors.
 
     Returns
     -------
     CheckReport
-        The numbers, and what is wrong in words.
+        The numbers, and what is wrong in words; of each tag, where there are several.
 
     Examples
     --------
@@ -210,8 +229,43 @@ def check_scene(
     >>> check_scene(Scene("pass", drive, log, ("cone-1",))).problems[-1]
     'a boundary needs 3 cones, and this log can give 1'
     """
+    evidence = evidence_of(scene)
+    known = tuple(each.text for each in evidence)
+    told = any(each.tells_sides for each in evidence)
+    try:
+        scenes = tag_scenes(scene)
+    except InputError as error:  # the vehicle stands, and where its tags are is unknown
+        drive = _check_drive(scene.trajectory)
+        return CheckReport(scene.name, drive, problems=(str(error),), evidence=known)
+    checked = []
+    total = scene.n_anchors * len(scenes)
+    for k, one in enumerate(scenes):
+
+        def of_all(done: int, _: int, before: int = scene.n_anchors * k) -> None:
+            progress(before + done, total)
+
+        checked.append(_check_tag(one, config, told, of_all))
+    if len(checked) == 1:
+        return replace(checked[0], name=scene.name, evidence=known)
+    return CheckReport(
+        name=scene.name,
+        drive=_check_drive(scene.trajectory),
+        problems=tuple(dict.fromkeys(problem for tag in checked for problem in tag.problems)),
+        notes=tuple(dict.fromkeys(note for tag in checked for note in tag.notes)),
+        evidence=known,
+        tags=tuple(checked),
+    )
+
+
+def _check_tag(
+    scene: Scene,
+    config: PipelineConfig,
+    sides_told: bool,
+    progress: Callable[[int, int], None],
+) -> CheckReport:
+    """Check the readings of one tag."""
     drive = _check_drive(scene.trajectory)
-    episode, refused = _prepared(scene)
+    episode, refused = _prepared(scene, config)
     readings = {} if episode is None else episode.readings
     anchors = []
     for index in range(scene.n_anchors):
@@ -227,30 +281,33 @@ def check_scene(
             notes=(*log_notes(scene), *unscored),
         )
     found = observe(scene.without_truth(), episode.clock)
+    sides = () if sides_told else _unknown_sides(drive)
     return CheckReport(
         name=scene.name,
         drive=drive,
         anchors=tuple(anchors),
         observability=found,
         problems=(
-            *map(str, log_reasons(episode)),
-            *_lost_cones(episode, anchors),
+            *map(str, log_reasons(episode, config)),
+            *_lost_cones(episode, anchors, config),
         ),
-        notes=(*episode.notes, *unscored, *_unknown_sides(drive), *found.notes()),
+        notes=(*episode.notes, *unscored, *sides, *found.notes(sides_told=sides_told)),
     )
 
 
-def _prepared(scene: Scene) -> tuple[Episode | None, str]:
+def _prepared(scene: Scene, config: PipelineConfig) -> tuple[Episode | None, str]:
     """Return what a reconstruction locates cones from, or why it refuses the log."""
     try:
-        return prepare(scene.without_truth()), ""
+        return prepare(scene.without_truth(), config), ""
     except InputError as error:
         return None, str(error)
 
 
-def _lost_cones(episode: Episode, anchors: Sequence[AnchorCheck]) -> Iterator[str]:
+def _lost_cones(
+    episode: Episode, anchors: Sequence[AnchorCheck], config: PipelineConfig
+) -> Iterator[str]:
     """Say which cones a reconstruction cannot locate, and whether too few are left."""
-    lost = hardly_heard(episode)
+    lost = hardly_heard(episode, config)
     for anchor in (anchors[n] for n in np.flatnonzero(lost).tolist()):
         if not anchor.n_readings:
             yield f"{anchor.anchor_id}: no readings"

@@ -135,11 +135,16 @@ class Observability:
             return f"{offset}, corrected"
         return f"0 s ± {sure_s:.3f} s (90 %), not corrected: {clock.reason}"
 
-    def notes(self) -> Iterator[str]:
+    def notes(self, *, sides_told: bool = False) -> Iterator[str]:
         """Yield what may keep anchors from being located well, and what to do about it.
 
         Whether it does shows only where they are located: errors may be small enough, and the zone
         as a whole may tell the sides. So none of this is a problem of the log.
+
+        Parameters
+        ----------
+        sides_told
+            Whether the log holds other evidence that tells the sides.
         """
         poor = [a for a in self.anchors if a.dop > POOR_DOP]
         if poor:
@@ -148,7 +153,7 @@ class Observability:
                 "errors are multiplied in the position; drive all the way past, or around"
             )
         open_ = [a for a in self.anchors if not a.side_told]
-        if open_:
+        if open_ and not sides_told:
             yield f"{_names(open_)}: {_OPEN}"
         if self.three_share < 0.5 and len(self.anchors) >= 3:
             share = f"{self.three_share:.0%}"

@@ -8,22 +8,27 @@ from pathlib import Path
 
 from gaia_uwb._shared import InputError
 from gaia_uwb.api import SIMULATOR, load_scenes, logs_of, read_log
+from gaia_uwb.config import PipelineConfig
 from gaia_uwb.evaluate.log_check import CheckReport, check_scene
-from gaia_uwb.logs import REGISTRY, dataset_folder, import_function
+from gaia_uwb.logs import REGISTRY, Vehicle, dataset_folder, import_function
 
 
 def check_source(
     source: str,
+    config: PipelineConfig = PipelineConfig(),
     *,
     data_dir: Path | None = None,
+    vehicle: Vehicle | None = None,
     progress: Callable[[str, int, int], None] = lambda what, done, total: None,
 ) -> list[CheckReport]:
     """Check everything that a source names; an unreadable scene gets a report that says so.
 
     Parameters
     ----------
-    source, data_dir
+    source, data_dir, vehicle
         Like :func:`load_scenes`.
+    config
+        What is known of vehicles counts, and how logs are prepared.
     progress
         Called with what is checked, and how much of it is done and there is: logs, and cones of a
         log.
@@ -41,7 +46,8 @@ def check_source(
     name, _, part = source.partition(":")
     if name == SIMULATOR or name in REGISTRY:
         try:
-            reports = [check_scene(scene) for scene in load_scenes(source, data_dir=data_dir)]
+            scenes = load_scenes(source, data_dir=data_dir, vehicle=vehicle)
+            reports = [check_scene(scene, config) for scene in scenes]
             checker = REGISTRY[name].checker if name in REGISTRY and not part else None
             if checker is not None:
                 reports.append(import_function(checker)(dataset_folder(name, data_dir)))
@@ -52,12 +58,10 @@ def check_source(
     reports = []
     for done, path in enumerate(logs):
         progress("check", done, len(logs))
-        reports.append(_check_log(path, partial(progress, f"check {path.name}")))
+        try:
+            scene = read_log(path, vehicle=vehicle)
+            told = partial(progress, f"check {path.name}")
+            reports.append(check_scene(scene, config, progress=told))
+        except Exception as error:  # a fault in one log must not cost the others
+            reports.append(CheckReport.of_failure(str(path), error))
     return reports
-
-
-def _check_log(path: Path, progress: Callable[[int, int], None]) -> CheckReport:
-    try:
-        return check_scene(read_log(path), progress=progress)
-    except Exception as error:  # a fault in one log must not cost the others
-        return CheckReport.of_failure(str(path), error)

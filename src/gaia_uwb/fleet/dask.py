@@ -24,7 +24,8 @@ from typing import TYPE_CHECKING, Any
 
 from gaia_uwb._shared import ConfigError, OutputFolder, temporary_path
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.fleet.zones import KILLED, ONE_THREAD, ZoneLogs, ZoneResult, reconstruct_zone
+from gaia_uwb.fleet.manifests import ZoneLogs
+from gaia_uwb.fleet.zones import KILLED, ONE_THREAD, ZoneResult, reconstruct_zone
 
 if TYPE_CHECKING:
     from distributed import Client, Future

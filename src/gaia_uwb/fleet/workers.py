@@ -13,7 +13,8 @@ from pathlib import Path
 from gaia_uwb._shared import end_with_parent, without_interrupts
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.fleet.dask import reconstruct_on_scheduler
-from gaia_uwb.fleet.zones import KILLED, ONE_THREAD, ZoneLogs, ZoneResult, reconstruct_zone
+from gaia_uwb.fleet.manifests import ZoneLogs
+from gaia_uwb.fleet.zones import KILLED, ONE_THREAD, ZoneResult, reconstruct_zone
 
 
 def reconstruct_fleet(

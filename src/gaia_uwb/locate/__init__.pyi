@@ -1,6 +1,11 @@
 from .fusion import Fused as Fused, fuse as fuse, mark_moved as mark_moved
 from .honest_errors import Curves as Curves, square_root as square_root
 from .hypotheses import Hypotheses as Hypotheses
+from .known_values import (
+    Said as Said,
+    contradicted_values as contradicted_values,
+    said_of as said_of,
+)
 from .paper_solver import locate as locate
 from .passes import (
     end_to_end as end_to_end,
@@ -11,7 +16,9 @@ from .passes import (
     with_anchor_ranges as with_anchor_ranges,
     with_anchors as with_anchors,
 )
+from .shared_prior import heading_sigma_m as heading_sigma_m, known_clock as known_clock
 from .zone_places import (
+    CLOCK_KNOWN as CLOCK_KNOWN,
     ZonePlaces as ZonePlaces,
     find_places as find_places,
     with_clock as with_clock,

@@ -123,12 +123,22 @@ def fuse(passes: Sequence[Episode], config: PipelineConfig = PipelineConfig()) -
         for episode, errors in zip(passes, together.errors, strict=True)
     ]
     near = dict(zip(together.anchor_ids, together.hypotheses.position_m[:, 0], strict=True))
-    alone = find_places([[episode] for episode in given], config, near=[near] * len(given))
-    scatter = [_Scatter.of(passes, alone, together, n) for n in range(len(together.anchor_ids))]
+    drives = _by_drive(given)
+    alone = find_places(list(drives.values()), config, near=[near] * len(drives))
+    names = list(drives)
+    scatter = [_Scatter.of(names, alone, together, n) for n in range(len(together.anchor_ids))]
     known = [each for each in scatter if each is not None]
     scale2 = _scale2(known)
     moved = [each.disagreement for each in known if each.is_too_much(scale2)]
     return Fused(together, _scaled(together.hypotheses, scatter, scale2), tuple(moved), scale2**0.5)
+
+
+def _by_drive(passes: Sequence[Episode]) -> dict[str, list[Episode]]:
+    """Return the passes by drive: no cone moves between two tags of one drive."""
+    drives: dict[str, list[Episode]] = {}
+    for episode in passes:
+        drives.setdefault(episode.drive or episode.name, []).append(episode)
+    return drives
 
 
 def mark_moved(anchors: Sequence[AnchorFix], fused: Fused) -> tuple[AnchorFix, ...]:
@@ -164,7 +174,7 @@ class _Scatter:
     @classmethod
     def of(
         cls,
-        passes: Sequence[Episode],
+        drives: Sequence[str],
         alone: Sequence[ZonePlaces],
         together: ZonePlaces,
         n: int,
@@ -173,7 +183,7 @@ class _Scatter:
         name = together.anchor_ids[n]
         fused_m = together.hypotheses.position_m[n, 0]
         places, covariances, names = [], [], []
-        for episode, each in zip(passes, alone, strict=True):
+        for drive, each in zip(drives, alone, strict=True):
             if name not in each.anchor_ids or not np.isfinite(fused_m).all():
                 continue
             k = each.anchor_ids.index(name)
@@ -187,7 +197,7 @@ class _Scatter:
                     side = 0
                 places.append(own_m[side])
                 covariances.append(own_m2[side])
-                names.append(episode.name)
+                names.append(drive)
         if len(places) < 2:
             return None
         place_m, precision = np.stack(places), np.linalg.inv(np.stack(covariances))

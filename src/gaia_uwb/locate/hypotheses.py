@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +47,18 @@ class Hypotheses:
     fits: Bool[Array, "N"]
     shared_m: Float64[Array, "N 2 2 S"] | None = None
     centre_m: Float64[Array, "N 2"] | None = None
+
+    def better_first(self) -> Hypotheses:
+        """Return the same with the better-fitting place first, where ``log_odds`` is below 0."""
+        order = np.where((self.log_odds < 0.0)[:, None], [1, 0], [0, 1])
+        rows = np.arange(len(order))[:, None]
+        return replace(
+            self,
+            position_m=self.position_m[rows, order],
+            covariance_m2=self.covariance_m2[rows, order],
+            log_odds=np.abs(self.log_odds),
+            shared_m=None if self.shared_m is None else self.shared_m[rows, order],
+        )
 
     def honest_covariance(
         self, covariance_m2: Float64[Array, "N 2 2"], side: Int64[Array, "N"]

@@ -17,7 +17,7 @@ from gaia_uwb._shared import Array, Float64, InputError
 from gaia_uwb.denoised import DenoisedRanges
 from gaia_uwb.episode import Episode, EpisodeTruth, RangeReadings
 from gaia_uwb.projection import to_geodetic, to_local
-from gaia_uwb.scene import LocalFrame, Scene
+from gaia_uwb.scene import LocalFrame, Scene, tag_scenes
 
 _FARTHEST_M = 50_000.0  # between a pass and the origin of the frame that it is brought into
 _SAME_SHARE = 0.5  # of a log's readings: chance makes rounded ones agree, but never half of them
@@ -30,7 +30,7 @@ def in_one_frame(scenes: Sequence[Scene]) -> list[Scene]:
     ----------
     scenes
         Logs of drives past the same zone, at least one. If none is tied to WGS84, they are taken
-        to share their local frame.
+        to share their local frame. Of a vehicle with several tags, each tag is a pass of its own.
 
     Returns
     -------
@@ -76,7 +76,8 @@ def in_one_frame(scenes: Sequence[Scene]) -> list[Scene]:
         else scene
         for k, scene in enumerate(ordered)
     ]
-    return sorted(named, key=lambda scene: scene.name)
+    by_tag = [one for scene in named for one in tag_scenes(scene)]
+    return sorted(by_tag, key=lambda scene: scene.name)
 
 
 def _order(scene: Scene) -> tuple[str, float, int, float]:
@@ -214,18 +215,22 @@ def _joined_readings(windows: Sequence[Episode]) -> RangeReadings | None:
     known = [window.own_times for window in windows if window.own_times is not None]
     if len(known) < len(windows):
         return None
-    columns = {
-        name: np.concatenate([getattr(each, name) for each in known])
-        for name in ("t_s", "anchor", "range_m")
-    }
-    key = np.stack([columns["t_s"], columns["anchor"].astype(np.float64), columns["range_m"]])
-    _, rows = np.unique(key, axis=1, return_index=True)
-    return RangeReadings(
-        t_s=columns["t_s"][rows],
-        anchor=columns["anchor"][rows],
-        range_m=columns["range_m"][rows],
-        trajectory=known[0].trajectory,
+
+    def together(parts: Sequence[Array | None]) -> Array | None:
+        there = [part for part in parts if part is not None]
+        return np.concatenate(there) if len(there) == len(parts) else None
+
+    joined = replace(
+        known[0],
+        t_s=np.concatenate([each.t_s for each in known]),
+        anchor=np.concatenate([each.anchor for each in known]),
+        range_m=np.concatenate([each.range_m for each in known]),
+        azimuth_rad=together([each.azimuth_rad for each in known]),
+        azimuth_sigma_rad=together([each.azimuth_sigma_rad for each in known]),
     )
+    key = np.stack([joined.t_s, joined.anchor.astype(np.float64), joined.range_m])
+    _, rows = np.unique(key, axis=1, return_index=True)
+    return joined.rows(rows)
 
 
 def all_anchors(episodes: Sequence[Episode]) -> tuple[str, ...]:

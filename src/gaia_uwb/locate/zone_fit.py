@@ -105,7 +105,8 @@ class ZoneFit:
     covariance : (N, 2, 2, 2)
         Covariance of both places of each cone, in square metres.
     shared_m : (N, 2, 2, S)
-        How each place moves with one standard deviation of what is shared; part of ``covariance``.
+        How each place moves when the shared estimates fall by the columns of a root of their
+        covariance (Cholesky's); part of ``covariance``.
     loss : (N, 2)
         Negative log evidence of each side.
     shared : (Z, S)

@@ -12,12 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, Int64
-from gaia_uwb.config import AlignmentConfig, PipelineConfig
+from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import ClockOffset, DriveErrors, Episode, RangeReadings
+from gaia_uwb.locate.angles import Angles, with_angles
+from gaia_uwb.locate.cone_ranges import HardlyHeard, Ties, with_cone_ranges
 from gaia_uwb.locate.evidence import VELOCITY_OVER_S, Evidence, Heard, Motion, gather
 from gaia_uwb.locate.honest_errors import path_centres
 from gaia_uwb.locate.hypotheses import Hypotheses
 from gaia_uwb.locate.passes import all_anchors
+from gaia_uwb.locate.shared_prior import known_clock, shared_prior
 from gaia_uwb.locate.slow_errors import DRIVE, RADIOS
 from gaia_uwb.locate.smooth_path import smooth_path, speed_noise_mps
 from gaia_uwb.locate.zone_fit import (
@@ -32,9 +35,11 @@ from gaia_uwb.locate.zone_fit import (
 from gaia_uwb.scene import Trajectory
 from gaia_uwb.solver import SolverOptions, solve
 
-_TAG_BIAS_M = 0.1  # standard deviation of what a tag adds to the range bias of the radios
-_TAG_PATTERN_M = 0.05  # of each harmonic of a tag's pattern
-_HELD = 1e-6  # standard deviation of what is known for certain
+CLOCK_UNKNOWN = "the drive is too straight and too steady to determine it"
+"""What is said of a clock offset that a drive does not tell."""
+CLOCK_KNOWN = "known of the vehicle"
+"""The same where it was known before."""
+
 _SIGMA_M = 0.1  # only a unit for the first solver: the scale of the errors is estimated
 _MOST_EXTRA = 24  # steps beyond the usual ones, for zones that still move
 _SIGNIFICANT = 2.0  # standard deviations that a clock offset is worth correcting
@@ -61,6 +66,9 @@ class ZonePlaces:
     outliers, noise : (N,)
         Of each cone's readings: the share of outliers, and the others' mean square as a multiple
         of what the noise of the log says.
+    contradictions
+        Pairs of cones whose own ranges contradict the others, with the measured and the expected
+        distance in metres.
     """
 
     anchor_ids: tuple[str, ...]
@@ -68,6 +76,7 @@ class ZonePlaces:
     errors: tuple[DriveErrors, ...]
     outliers: Float64[Array, "N"]
     noise: Float64[Array, "N"]
+    contradictions: tuple[tuple[str, str, float, float], ...] = ()
 
     @property
     def rough(self) -> bool:
@@ -142,10 +151,8 @@ def _fit_batch(
             heard.append(_heard(episode, replace(readings, trajectory=path), index))
     cone_zone = np.repeat(np.arange(len(zones)), np.diff(first))
     drive_zone = np.repeat(np.arange(len(zones)), n_drives)
-    priors = [_prior(episodes, config) for episodes in zones]
-    prior = SharedPrior(
-        np.stack([mean for mean, _ in priors]), np.stack([precision for _, precision in priors])
-    )
+    priors = [shared_prior(episodes, config) for episodes in zones]
+    prior = SharedPrior(*map(np.stack, zip(*priors, strict=True)))
     known = [episodes[0].run_errors for episodes in zones]
     evidence = list(
         gather(
@@ -261,34 +268,6 @@ def _clocks(
     return np.asarray(mean[drive_zone, RADIOS + DRIVE * slot])
 
 
-def _prior(
-    episodes: Sequence[Episode], config: PipelineConfig
-) -> tuple[Float64[Array, "S"], Float64[Array, "S S"]]:
-    """Return mean and precision of what the cones of a zone have in common."""
-    k = len(episodes)
-    known = episodes[0].run_errors
-    if k == 1 and known is not None:
-        return known.mean, np.linalg.inv(known.covariance)
-    size = RADIOS + DRIVE * k
-    mean, variance = np.zeros(size), np.zeros((size, size))
-    calibration, alignment = config.calibration, config.alignment
-    bias = calibration.range_bias == "auto"
-    variance[0, 0] = calibration.bias_sigma_m**2 if bias else 0.0
-    variance[1, 1] = calibration.bias_slope_sigma_m**2 if bias else 0.0
-    clocks = RADIOS + DRIVE * np.arange(k)
-    if alignment.clock_offset == "auto":
-        # What was applied already is an estimate; the prior is about no offset at all.
-        mean[clocks] = [0.0 if e.clock is None else -e.clock.applied_s for e in episodes]
-        variance[np.ix_(clocks, clocks)] = alignment.clock_offset_sigma_s**2
-        variance[clocks, clocks] += alignment.drive_offset_sigma_s**2 if k > 1 else 0.0
-    tag = clocks + 1
-    variance[tag, tag] = _TAG_BIAS_M**2 if k > 1 and bias else 0.0
-    for i in range(2, DRIVE):
-        variance[clocks + i, clocks + i] = _TAG_PATTERN_M**2
-    variance[np.diag_indices(size)] += _HELD**2
-    return mean, np.linalg.inv(variance)
-
-
 @dataclass(frozen=True)
 class _Starts:
     """Where to seek cones: on both sides of the path, and near places that are known already.
@@ -383,7 +362,52 @@ def _places(
         centre_m=_centres(episodes, ids),
     )
     errors = tuple(_drive_errors(fit, k) for k in range(len(episodes)))
-    return ZonePlaces(ids, hypotheses, errors, fit.outliers[:, 0], fit.noise[:, 0])
+    clocks = RADIOS + DRIVE * np.arange(len(episodes))
+    angles = Angles.of(episodes, ids, [each.mean[RADIOS] for each in errors])
+    if angles is not None:
+        # Places move against what is shared: see ``ZoneFit.shared_m``.
+        clocks_s = -np.linalg.cholesky(fit.shared_covariance[0])[clocks]
+        both = config.solver.azimuth_front_back
+        hypotheses = with_angles(hypotheses, angles, clocks_s, ALIKE, front_back=both)
+    ties = Ties.of(episodes, ids)
+    contradictions: list[tuple[int, int, float, float]] = []
+    if ties is not None:
+        hardly = _hardly_heard(episodes, ids, located, errors)
+        hypotheses, contradictions = with_cone_ranges(hypotheses, ties, hardly, ALIKE)
+    return ZonePlaces(
+        ids,
+        hypotheses,
+        errors,
+        fit.outliers[:, 0],
+        fit.noise[:, 0],
+        tuple((ids[a], ids[b], measured, expected) for a, b, measured, expected in contradictions),
+    )
+
+
+def _hardly_heard(
+    episodes: Sequence[Episode],
+    ids: tuple[str, ...],
+    located: Bool[Array, "n"],
+    errors: Sequence[DriveErrors],
+) -> HardlyHeard:
+    """Return what the drives measured of cones that these ranges do not locate."""
+    index = {name: n for n, name in enumerate(ids)}
+    parts = []
+    for episode, found in zip(episodes, errors, strict=True):
+        readings = readings_of(episode)
+        own = np.array([index[name] for name in episode.anchor_ids], dtype=np.int64)
+        readings = readings.rows(~located[own[readings.anchor]])
+        path, at_s = readings.trajectory, readings.t_s - found.mean[RADIOS]
+        higher_m = np.zeros(len(at_s))
+        if path.up_m is not None and episode.anchor_up_m is not None:
+            tag_m = np.interp(at_s, path.t_s, path.up_m)
+            higher_m = np.nan_to_num(tag_m - episode.anchor_up_m[readings.anchor], nan=0.0)
+        bias, growth, _, tag_bias = found.mean[: RADIOS + 2]
+        decades = np.log10(np.maximum(readings.range_m, 0.5) / 10.0)
+        range_m = readings.range_m - bias - tag_bias - growth * decades
+        flat_m = np.sqrt(np.maximum(range_m**2 - higher_m**2, 0.01))
+        parts.append((own[readings.anchor], readings.position_at(at_s), flat_m))
+    return HardlyHeard(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
 def _fits(fit: ZoneFit) -> Bool[Array, "n"]:
@@ -417,7 +441,7 @@ def _centres(episodes: Sequence[Episode], ids: tuple[str, ...]) -> Float64[Array
     return np.asarray(total / weight[:, None])
 
 
-def with_run_errors(episode: Episode, places: ZonePlaces, config: AlignmentConfig) -> Episode:
+def with_run_errors(episode: Episode, places: ZonePlaces, config: PipelineConfig) -> Episode:
     """Return a whole run with what its readings say of its errors and its clock.
 
     Parameters
@@ -443,7 +467,7 @@ def with_run_errors(episode: Episode, places: ZonePlaces, config: AlignmentConfi
     return replace(found, errors=replace(errors, mean=mean))
 
 
-def with_clock(episode: Episode, errors: DriveErrors, config: AlignmentConfig) -> Episode:
+def with_clock(episode: Episode, errors: DriveErrors, config: PipelineConfig) -> Episode:
     """Return an episode with the clock offset that was found together with the cones' positions.
 
     Parameters
@@ -455,13 +479,15 @@ def with_clock(episode: Episode, errors: DriveErrors, config: AlignmentConfig) -
     config
         Whether the clock was to be estimated, and the offset's prior.
     """
-    clock = episode.clock
-    if clock is None or config.clock_offset == "off":
+    clock, alignment = episode.clock, config.alignment
+    if clock is None or alignment.clock_offset == "off":
         return episode
+    known = known_clock(episode, config)
+    prior_s = alignment.clock_offset_sigma_s if known is None else known.sigma
     left_s, sigma_s = float(errors.mean[RADIOS]), float(errors.covariance[RADIOS, RADIOS] ** 0.5)
     reason = "estimated together with the cones' positions"
-    if sigma_s > _UNKNOWN * config.clock_offset_sigma_s:
-        reason = "the drive is too straight and too steady to determine it"
+    if sigma_s > _UNKNOWN * prior_s:
+        reason = CLOCK_UNKNOWN if known is None else CLOCK_KNOWN
     if abs(left_s) < _SIGNIFICANT * sigma_s:  # the ranges stay where they are
         return replace(episode, clock=ClockOffset(clock.offset_s, sigma_s, clock.applied, reason))
     offset_s = clock.applied_s + left_s

@@ -18,3 +18,10 @@ from .native import (
 from .outdoor_static import StaticFile as StaticFile, load_static as load_static
 from .places_for_results import log_files as log_files, results_folder as results_folder
 from .registry import REGISTRY as REGISTRY, Dataset as Dataset, import_function as import_function
+from .vehicle import (
+    Vehicle as Vehicle,
+    VehicleTag as VehicleTag,
+    read_vehicle as read_vehicle,
+    vehicle_text as vehicle_text,
+    write_vehicle as write_vehicle,
+)

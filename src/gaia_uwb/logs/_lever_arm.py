@@ -1,20 +1,25 @@
-"""From the GNSS antenna's path to the tag's: the lever arm, turned with the vehicle's heading.
+"""Where antennas are on a vehicle, as a user writes it: one lever arm, or ``tags`` with one each.
 
-The heading is that of the path: the vehicle is assumed to drive forward, on level ground. It is
-measured between points a metre apart, so that a receiver's noise at a standstill does not turn
-the vehicle.
+>>> from gaia_uwb.logs._lever_arm import tag_of
+>>> tag_of("1.0", {"1": TagInput(forward_m=2.0), "2": TagInput()})
+'1'
 """
 
 from __future__ import annotations
 
-import numpy as np
-from pydantic import Field
+import re
+from collections.abc import Mapping
+from typing import Annotated
 
-from gaia_uwb._shared import Array, Float64, InputError
+from pydantic import BeforeValidator, Field
+
 from gaia_uwb.config import Settings
+from gaia_uwb.logs._selection import Value, as_text
 
-STEP_M = 1.0
-"""Least distance between two points that determine the heading."""
+MAX_TAGS = 100
+"""More than this are no tags of one vehicle."""
+
+_WHOLE = re.compile(r"[+-]?\d+\.0+", re.ASCII)
 
 
 class LeverArm(Settings):
@@ -25,68 +30,69 @@ class LeverArm(Settings):
     up_m: float = Field(default=0.0, ge=-50, le=50)
 
 
-def move_to_tag(
-    t_s: Float64[Array, "T"],
-    position_m: Float64[Array, "T 2"],
-    up_m: Float64[Array, "T"] | None,
-    arm: LeverArm,
-) -> tuple[Float64[Array, "T 2"], Float64[Array, "T"] | None]:
-    """Move a path from the GNSS antenna to the tag's.
+class TagInput(LeverArm):
+    """Where one of several tags has its antenna, seen from the point whose path is given."""
 
-    Parameters
-    ----------
-    t_s : (T,)
-        Time in seconds, strictly increasing.
-    position_m : (T, 2)
-        East and north of the GNSS antenna, in metres.
-    up_m : (T,), optional
-        Its height, in metres.
-    arm
-        The lever arm.
+    own_clock: bool = False
+    """Whether a clock of its own stamps its readings, not one that all tags share."""
 
-    Returns
-    -------
-    position_m : (T, 2)
-        East and north of the tag's antenna, in metres.
-    up_m : (T,), optional
-        Its height, in metres.
+
+def ids_as_text(given: object) -> object:
+    """Return tags under their ids as text, as ``where`` compares them: 1, '1' and 1.0 are one.
 
     Raises
     ------
-    InputError
-        If the path is too short to determine a heading.
+    ValueError
+        If an id is neither text nor a number, or stands twice.
+    """
+    if not isinstance(given, dict):
+        return given
+    tags: dict[str, object] = {}
+    for tag_id, place in given.items():
+        if not _is_id(tag_id):  # YAML takes a bare no or on for a truth value
+            raise ValueError("a tag's id must be a number or text (in quotes)")
+        text = tag_text(tag_id)
+        if text in tags:
+            raise ValueError(f"tag {text} appears twice")
+        tags[text] = place
+    return tags
+
+
+def _is_id(tag_id: object) -> bool:
+    return isinstance(tag_id, (str, int, float)) and not isinstance(tag_id, bool) and tag_id != ""
+
+
+Tags = Annotated[dict[str, TagInput], BeforeValidator(ids_as_text), Field(max_length=MAX_TAGS)]
+"""Tag's id -> where its antenna is."""
+
+
+def tag_of(label: str, given: Mapping[str, TagInput]) -> str | None:
+    """Return under which id a tag is given, ``None`` if it is not.
+
+    Parameters
+    ----------
+    label
+        The tag's id as the log holds it.
+    given
+        As a user wrote them.
+    """
+    text = tag_text(label)
+    if text in given:
+        return text
+    try:
+        number = as_text(float(text))
+    except (ValueError, OverflowError):
+        return None
+    return number if number in given else None
+
+
+def tag_text(tag_id: Value) -> str:
+    """Return a tag's id as it is shown and compared: a whole number without decimals.
 
     Examples
     --------
-    >>> east_m = np.array([0.0, 5.0, 10.0])
-    >>> path_m = np.column_stack([east_m, np.zeros(3)])
-    >>> move_to_tag(east_m, path_m, None, LeverArm(forward_m=2.0, left_m=0.5))[0].tolist()
-    [[2.0, 0.5], [7.0, 0.5], [12.0, 0.5]]
+    >>> tag_text(1.0), tag_text("1.0"), tag_text(" roof 1.0")
+    ('1', '1', 'roof 1.0')
     """
-    heights = None if up_m is None else up_m + arm.up_m
-    if not (arm.forward_m or arm.left_m):
-        return position_m, heights
-    heading_rad = _heading(t_s, position_m)
-    cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
-    east_m = arm.forward_m * cosine - arm.left_m * sine
-    north_m = arm.forward_m * sine + arm.left_m * cosine
-    return position_m + np.column_stack([east_m, north_m]), heights
-
-
-def _heading(t_s: Float64[Array, "T"], position_m: Float64[Array, "T 2"]) -> Float64[Array, "T"]:
-    """Return the direction of travel in radians, counter-clockwise from east."""
-    kept = [0]
-    last = position_m[0]
-    for index, place in enumerate(position_m):
-        if np.hypot(*(place - last)) >= STEP_M:
-            kept.append(index)
-            last = place
-    if len(kept) < 2:
-        raise InputError(
-            f"a lever arm needs a heading, but the path never gets {STEP_M:g} m from its start",
-            column="lever_arm",
-        )
-    chord_m = np.diff(position_m[kept], axis=0)
-    angle_rad = np.unwrap(np.arctan2(chord_m[:, 1], chord_m[:, 0]))
-    middle_s = (t_s[kept][1:] + t_s[kept][:-1]) / 2
-    return np.asarray(np.interp(t_s, middle_s, angle_rad))
+    text = as_text(tag_id)
+    return text.split(".")[0] if _WHOLE.fullmatch(text) else text

@@ -17,6 +17,7 @@ from typing import BinaryIO
 import numpy as np
 
 from gaia_uwb._shared import Array, InputError, Int64, open_regular
+from gaia_uwb.logs._lever_arm import MAX_TAGS
 from gaia_uwb.logs._table import MAX_ROWS, Table
 
 MAX_ANCHORS = 4096
@@ -111,9 +112,13 @@ class LogRows:
         Columns of numbers; the first is ``t_s``.
     row_word
         What a row is called: ``"row"`` for a line, ``"topic /uwb, message"`` for a message.
+    tagged
+        Whether each row has a tag.
     """
 
-    def __init__(self, path: Path, names: Sequence[str], row_word: str = "row") -> None:
+    def __init__(
+        self, path: Path, names: Sequence[str], row_word: str = "row", *, tagged: bool = False
+    ) -> None:
         self.path = path
         self.names = tuple(names)
         self.row_word = row_word
@@ -121,23 +126,37 @@ class LogRows:
         self._number = array("q")
         self._anchor = array("q")
         self._ids: dict[str, int] = {}
+        self._tag = array("q")
+        self._tags: dict[str, int] | None = {} if tagged else None
 
     def __len__(self) -> int:
         return len(self._number)
 
-    def add(self, number: int, values: Iterable[float], anchor_id: str | None = None) -> None:
+    def add(
+        self,
+        number: int,
+        values: Iterable[float],
+        anchor_id: str | None = None,
+        tag_id: str = "",
+    ) -> None:
         """Append a row.
 
         Raises
         ------
         InputError
-            If there are too many rows or anchors.
+            If there are too many rows, anchors or tags.
         """
         if len(self._number) >= MAX_ROWS:
             raise InputError(f"more than {MAX_ROWS:,} rows: split the log", source=self.path)
         if anchor_id is not None:
             code = self._ids.get(anchor_id)
             self._anchor.append(self._code(anchor_id, number) if code is None else code)
+        if self._tags is not None:
+            code = self._tags.setdefault(tag_id, len(self._tags))
+            if code == MAX_TAGS:
+                problem = f"more than {MAX_TAGS:,} tags: is this field the tag's id?"
+                raise InputError(problem, source=f"{self.path}, {self.row_word} {number}")
+            self._tag.append(code)
         self._values.extend(values)
         self._number.append(number)
 
@@ -153,16 +172,19 @@ class LogRows:
         return code
 
     def table(self) -> LogTable:
-        """Return the rows as a table; ids become a text column ``anchor_id``."""
+        """Return the rows as a table; ids become text columns ``anchor_id`` and ``tag_id``."""
         values = np.frombuffer(self._values, np.float64).reshape(-1, len(self.names))
         columns: dict[str, Array] = {name: values[:, k] for k, name in enumerate(self.names)}
         labels = {}
-        if self._ids:
-            ids = tuple(sorted(self._ids))
-            place = {anchor_id: k for k, anchor_id in enumerate(ids)}
-            sorted_code = np.array([place[anchor_id] for anchor_id in self._ids], np.int64)
-            columns["anchor_id"] = sorted_code[np.frombuffer(self._anchor, np.int64)]
-            labels["anchor_id"] = ids
+        for name, ids, codes in (
+            ("anchor_id", self._ids, self._anchor),
+            ("tag_id", self._tags, self._tag),
+        ):
+            if ids:
+                labels[name] = tuple(sorted(ids))
+                place = {text: k for k, text in enumerate(labels[name])}
+                sorted_code = np.array([place[text] for text in ids], np.int64)
+                columns[name] = sorted_code[np.frombuffer(codes, np.int64)]
         return LogTable(
             path=self.path,
             columns=columns,
@@ -175,7 +197,9 @@ class LogRows:
 
 
 def join(tables: Sequence[LogTable]) -> LogTable:
-    """Return the rows of several tables of ranges as one; a column that one lacks is NaN there.
+    """Return the rows of several tables of ranges as one.
+
+    A column that one lacks is NaN there, and a tag that it does not name is an empty text.
 
     Raises
     ------
@@ -186,16 +210,21 @@ def join(tables: Sequence[LogTable]) -> LogTable:
         return tables[0]
     if sum(map(len, tables)) > MAX_ROWS:
         raise InputError(f"more than {MAX_ROWS:,} ranges: split the log", source=tables[0].path)
-    ids = tuple(sorted({label for table in tables for label in table.labels["anchor_id"]}))
-    place = {anchor_id: k for k, anchor_id in enumerate(ids)}
-    columns: dict[str, Array] = {}
-    for name in dict.fromkeys(name for table in tables for name in table.columns):
-        columns[name] = np.concatenate([_column(table, name, place) for table in tables])
+    names = dict.fromkeys(name for table in tables for name in table.columns)
+    labels: dict[str, tuple[str, ...]] = {
+        name: tuple(sorted({label for t in tables for label in t.labels.get(name, ("",))}))
+        for name in ("anchor_id", "tag_id")
+        if name in names
+    }
+    columns = {
+        name: np.concatenate([_column(table, name, labels.get(name)) for table in tables])
+        for name in names
+    }
     starts = np.cumsum([0, *(len(table.origins) for table in tables)])
     return LogTable(
         path=tables[0].path,
         columns=columns,
-        labels={"anchor_id": ids},
+        labels=labels,
         unknown=(),
         number=np.concatenate([table.number for table in tables]),
         origin=np.concatenate([t.origin + s for t, s in zip(tables, starts, strict=False)]),
@@ -204,10 +233,14 @@ def join(tables: Sequence[LogTable]) -> LogTable:
     )
 
 
-def _column(table: LogTable, name: str, place: Mapping[str, int]) -> Array:
-    if name == "anchor_id":
-        return np.array([place[label] for label in table.labels[name]], np.int64)[table[name]]
-    return np.full(len(table), np.nan) if name not in table else table[name]
+def _column(table: LogTable, name: str, labels: tuple[str, ...] | None) -> Array:
+    """Return a column's values; those of texts point into ``labels``."""
+    if labels is None:
+        return np.full(len(table), np.nan) if name not in table else table[name]
+    if name not in table:
+        return np.full(len(table), labels.index(""), np.int64)
+    place = {label: k for k, label in enumerate(labels)}
+    return np.array([place[label] for label in table.labels[name]], np.int64)[table[name]]
 
 
 def read_lines(path: Path) -> Iterator[tuple[int, str]]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, Int64, counted, percent
 from gaia_uwb.logs._table import Table
+from gaia_uwb.logs._tags import sources
 
 _SHARE = 0.1  # of an anchor's readings
 _FEWEST = 10
@@ -77,7 +78,7 @@ def no_ranges(ranges: Table, drive: Drive) -> tuple[Bool[Array, "R"], list[str]]
 
 def _placeholders(ranges: Table, drive: Drive) -> list[float]:
     """Return the numbers above 0 that mean no range."""
-    anchor, t_s, range_m = ranges["anchor_id"], ranges["t_s"], ranges["range_m"]
+    anchor, t_s, range_m = sources(ranges), ranges["t_s"], ranges["range_m"]
     values = [v for v in _repeated(anchor, range_m) if (range_m == v).sum() >= _FEWEST]
     if not values:
         return []

@@ -14,7 +14,14 @@ MAX_STEP_S = 10.0
 MAX_DISTANCE_M = 50_000.0
 """Further from the local frame's origin than this, a place is an error, not a drive."""
 
+ATTITUDE = ("heading_deg", "roll_deg", "pitch_deg")
+"""Columns of a trajectory: the compass heading, and roll and pitch as in REP 103."""
+
+ARRIVAL = ("azimuth_deg", "azimuth_sigma_deg")
+"""Columns of ranges: the angle of arrival, counter-clockwise from forward, and its deviation."""
+
 _LEAST_STEP_S = 1e-9
+_FULL_TURN_DEG = 360.0
 _ABSURD_M = 1e9  # a radio's garbage, like 2^32 millimetres, is below: that is a spike
 _EARTH_M = 2.1e7  # half of its girth: grids like UTM count in metres from far away
 _MILLIMETRES_ABOVE_M = 1_000.0  # UWB reaches 500 m at best
@@ -83,6 +90,29 @@ def check_geodetic(table: Table) -> None:
             hint = "; are lat and lon swapped?" if swapped else ""
             problem = f"expected a number between -{bound:g} and {bound:g}, got {value:g}{hint}"
             raise table.error(problem, index=index, column=name)
+
+
+def check_angles(table: Table) -> None:
+    """Refuse directions and attitudes that are no angles in degrees; an unknown one is not wrong.
+
+    Raises
+    ------
+    InputError
+        If an angle is outside [-360, 360], or a standard deviation of one is not above 0.
+    """
+    for name in (*ATTITUDE, *ARRIVAL):
+        wrong = np.abs(table[name]) > _FULL_TURN_DEG if name in table else np.False_
+        if wrong.any():
+            index = int(np.argmax(wrong))
+            problem = f"expected degrees between -360 and 360, got {table[name][index]:g}"
+            raise table.error(problem, index=index, column=name)
+    sigma_deg = table.get("azimuth_sigma_deg")
+    if sigma_deg is not None and (sigma_deg <= 0).any():
+        index = int(np.argmax(sigma_deg <= 0))
+        problem = f"expected a number above 0, got {sigma_deg[index]:g}"
+        raise table.error(problem, index=index, column="azimuth_sigma_deg")
+    if sigma_deg is not None and "azimuth_deg" not in table:
+        raise table.error("needs azimuth_deg beside it", column="azimuth_sigma_deg")
 
 
 def check_near(
@@ -160,6 +190,25 @@ def check_one_drive(ranges: Table, trajectory: Table, position_m: Float64[Array,
             source=ranges.path,
             column="t_s",
         )
+    extent_m = float(np.hypot(*np.ptp(position_m, axis=0)))
+    check_metres(ranges, f" on a path {extent_m:.0f} m wide")
+
+
+def check_metres(ranges: Table, where: str = "") -> None:
+    """Refuse ranges that are not in metres.
+
+    Parameters
+    ----------
+    ranges
+        With ``range_m``.
+    where
+        What to say of the site.
+
+    Raises
+    ------
+    InputError
+        If half of them are longer than 1,000 m, or one is beyond all reason.
+    """
     length_m = np.abs(ranges["range_m"])
     if length_m.max() > _ABSURD_M:
         index = int(np.argmax(length_m))
@@ -167,9 +216,8 @@ def check_one_drive(ranges: Table, trajectory: Table, position_m: Float64[Array,
         raise ranges.error(problem, index=index, column="range_m")
     median_m = float(np.median(length_m))
     if median_m > _MILLIMETRES_ABOVE_M:
-        extent_m = float(np.hypot(*np.ptp(position_m, axis=0)))
         problem = (
-            f"expected metres, got a median of {median_m:g} on a path {extent_m:.0f} m wide: "
+            f"expected metres, got a median of {median_m:g}{where}: "
             "this looks like millimetres or centimetres"
         )
         raise ranges.error(problem, column="range_m")

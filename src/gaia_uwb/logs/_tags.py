@@ -1,14 +1,15 @@
-"""Which rows of a table of ranges count: those of one tag, and those that hold a range."""
+"""Which rows of a table of ranges count, and which tag took each of them."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64, counted, shown
+from gaia_uwb._shared import Array, Float64, Int64, counted, shown
+from gaia_uwb.logs._lever_arm import TagInput, tag_of, tag_text
 from gaia_uwb.logs._selection import Value, Wanted
 from gaia_uwb.logs._table import Table
 
@@ -34,10 +35,39 @@ def tag_columns(names: Iterable[str]) -> list[str]:
     return found
 
 
+WHERE_THEY_ARE = "say where each is on the vehicle, "
+"""Before :func:`arms_wanted`."""
+
+
+@dataclass(frozen=True)
+class TagPlaces:
+    """Where the tags of a vehicle are, and where that and ``where`` are to be written.
+
+    Parameters
+    ----------
+    given
+        Tag's id -> where its antenna is; empty if nothing is given.
+    file
+        The file that holds ``tags``.
+    entry
+        What holds ``where``.
+    naming
+        How to say which tag took what.
+    """
+
+    given: Mapping[str, TagInput]
+    file: str = "gaia.yaml"
+    entry: str = "this file's entry in gaia.yaml"
+    naming: str = "map tag_id (ROS: fields: {tag: ...}), or set tag_id where each has its own log"
+
+
 def choose_rows(
-    table: Table, where: Mapping[str, Value | Sequence[Value]], tags: Sequence[str], place: str
-) -> Table:
-    """Return the rows that count, and refuse ranges of several tags: they are not in one place.
+    table: Table,
+    where: Mapping[str, Value | Sequence[Value]],
+    columns: Sequence[str],
+    places: TagPlaces,
+) -> tuple[Table, str | None]:
+    """Return the rows that count, and the column that names the tag, if one does.
 
     Parameters
     ----------
@@ -45,16 +75,16 @@ def choose_rows(
         The ranges.
     where
         Column -> the value, or one of several, that it must have.
-    tags
-        The columns that name the tag.
-    place
-        Where ``where`` stands or is to be written.
+    columns
+        Those that may name the tag.
+    places
+        Where the tags are.
 
     Raises
     ------
     InputError
-        If no row has what is wanted, a column holds numbers that cannot be compared, or more than
-        one tag is left.
+        If no row has what is wanted, a column holds numbers that cannot be compared, or there are
+        ranges of a tag of which it is not known where it is.
     """
     wanted, kept = Wanted(where), np.ones(len(table), np.bool_)
     for name in wanted.fields:
@@ -73,8 +103,68 @@ def choose_rows(
         rows = f"{int(kept.sum()):,} of {counted(len(table), 'row')}"
         table = table.take(kept)
         remarks = (*remarks, f"{table.path.name}: {rows} are those that where wants")
-    _check_one_tag(table, tags, place)
-    return replace(table, remarks=remarks)
+    if not places.given:
+        _check_one_tag(table, columns, places)
+    return replace(table, remarks=remarks), _tag_column(table, columns, places)
+
+
+def tags_present(table: Table, name: str = "tag_id") -> list[str]:
+    """Return the tags of which a table has ranges, as a column of it names them."""
+    labels = [table.labels[name][code] for code in np.unique(table[name])]
+    return list(dict.fromkeys(tag_text(label) for label in labels if label))
+
+
+def check_given(table: Table, tags: Sequence[str], places: TagPlaces, column: str) -> None:
+    """Refuse tags of which it is not given where they are.
+
+    Raises
+    ------
+    InputError
+        If there are such.
+    """
+    unknown = [tag for tag in tags if tag_of(tag, places.given) is None]
+    if unknown:
+        problem = (
+            f"holds ranges of {_some(unknown)}, which tags in {places.file} (or in the vehicle's "
+            f"file) lacks: add {_in_yaml(unknown[0])}: {{forward_m: ..., left_m: ...}} there, or "
+            f"leave it out by where in {places.entry}"
+        )
+        raise table.error(problem, column=column)
+
+
+def several_tags(tags: Sequence[str], places: TagPlaces, name: str | None = None) -> str:
+    """Say that ranges are of several tags, and what to do if it is not given where they are.
+
+    Parameters
+    ----------
+    tags
+        Their ids.
+    places
+        Where to write what is missing.
+    name
+        By what ``where`` takes one of them; ``None`` if each has a file of its own.
+    """
+    one = f"take one by where: {{{name}: {_in_yaml(tags[0])}}} in {places.entry}"
+    none = "name the files of one, or, if they are one, set the same tag_id for each file"
+    return (
+        f"holds ranges of {len(tags)} tags ({_some(tags)}): {WHERE_THEY_ARE}"
+        f"{arms_wanted(tags[0], places)}, or {one if name else none}"
+    )
+
+
+def arms_wanted(tag: str, places: TagPlaces | None = None) -> str:
+    """Return what to write where it is not given where several tags are, of which this is one."""
+    file = TagPlaces({}).file if places is None else places.file
+    return (
+        f"tags: {{{_in_yaml(tag)}: {{forward_m: ..., left_m: ...}}, ...}} in {file} or in a "
+        "vehicle's file (--vehicle)"
+    )
+
+
+def sources(table: Table) -> Int64[Array, "R"]:
+    """Return a number for the anchor of each reading, and for its tag, where the table has tags."""
+    anchor, tag = table["anchor_id"], table.get("tag_id")
+    return anchor if tag is None else anchor * len(table.labels["tag_id"]) + tag
 
 
 def drop_missing(table: Table, missing: Sequence[float | int]) -> Table:
@@ -116,18 +206,28 @@ def gaps_remark(table: Table, n_gaps: int, missing: Sequence[float | int]) -> st
     return f"{table.path.name}: skipped {cells} without a range{numbers}"
 
 
-def _check_one_tag(table: Table, names: Sequence[str], place: str) -> None:
+def _check_one_tag(table: Table, names: Sequence[str], places: TagPlaces) -> None:
     for name in names:
-        tags = [table.labels[name][code] for code in np.unique(table[name])]
-        tags = [tag.removesuffix(".0") for tag in tags if tag]
+        tags = tags_present(table, name)
         if len(tags) > 1:
             one_anchor = any(len(table.labels[n]) == 1 for n in table.labels if n not in names)
             other = " (or is this the anchor's id?)" if one_anchor else ""
-            problem = (
-                f"holds ranges of {len(tags)} tags ({_some(tags)}), and one log is of one tag: "
-                f"choose it by where: {{{_in_yaml(name)}: {_in_yaml(tags[0])}}} in {place}{other}"
-            )
-            raise table.error(problem, column=name)
+            problem = several_tags(tags, places, _in_yaml(name))
+            raise table.error(f"{problem}{other}", column=name)
+
+
+def _tag_column(table: Table, names: Sequence[str], places: TagPlaces) -> str | None:
+    """Return the column that names the tag: of several, the one with the tags that are given."""
+    if not places.given:
+        return names[0] if len(names) == 1 else "tag_id" if "tag_id" in names else None
+    present = {name: tags_present(table, name) for name in names}
+    fitting = [n for n in names if all(tag_of(tag, places.given) for tag in present[n])]
+    if fitting:
+        return max(fitting, key=lambda name: (len(present[name]), name == "tag_id"))
+    for name in sorted(names, key=lambda name: name != "tag_id"):
+        if len(present[name]) > 1 or name.lower().startswith(("tag", "tid")):
+            check_given(table, present[name], places, name)
+    return None
 
 
 def _in_yaml(text: str) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from gaia_uwb._shared import Array, Bool, Float64, counted, percent
 from gaia_uwb.logs._logs import LogTable
 from gaia_uwb.logs._table import Table
+from gaia_uwb.logs._tags import sources
 
 _Table = TypeVar("_Table", bound=Table)
 
@@ -55,7 +56,7 @@ def tidy(table: _Table, *, merged: bool = False) -> Tidied[_Table]:
     merged
         They come from several logs one after the other, so that their order says nothing.
     """
-    t_s, anchor = table["t_s"], table.get("anchor_id")
+    t_s = table["t_s"]
     notes, problems = [], []
     goes_back = np.diff(t_s) < 0
     if goes_back.any() and not merged:
@@ -65,7 +66,7 @@ def tidy(table: _Table, *, merged: bool = False) -> Tidied[_Table]:
         if n_late and not problems:
             late = counted(n_late, "row")
             notes.append(f"{table.path.name}: sorted by time, as {late} came late")
-    keys = (t_s,) if anchor is None else (anchor, t_s)
+    keys = (t_s,) if "anchor_id" not in table else (sources(table), t_s)
     order = np.lexsort(keys)
     repeat = np.ones(max(len(table) - 1, 0), np.bool_)
     for key in keys:
@@ -91,6 +92,8 @@ def _goes_on(table: Table) -> Bool[Array, "K"]:
 def _repeats(table: Table, n_repeats: int) -> str:
     """Say that rows which repeat a time are left out, and why there are so many."""
     what = "the time of another" if "anchor_id" not in table else "the anchor and time of another"
+    if len(table.labels.get("tag_id", ())) > 1:
+        what = "the tag, anchor and time of another"
     note = f"{table.path.name}: skipped {counted(n_repeats, 'row')} with {what}"
     share = n_repeats / len(table)
     if share > _MANY and (table["t_s"] == np.floor(table["t_s"])).all():
@@ -100,8 +103,8 @@ def _repeats(table: Table, n_repeats: int) -> str:
 
 def _clock_steps(table: Table) -> Iterator[str]:
     """Yield the places at which the times of the rows go back and go on from there."""
-    t_s, anchor = table["t_s"], table.get("anchor_id")
-    who = np.zeros(len(t_s), np.int64) if anchor is None else anchor
+    t_s = table["t_s"]
+    who = sources(table) if "anchor_id" in table else np.zeros(len(t_s), np.int64)
     values = [table[name] for name in ("range_m", "east_m", "lat") if name in table][:1]
     value = values[0] if values else np.zeros(len(t_s))
     order = np.argsort(who, kind="stable")

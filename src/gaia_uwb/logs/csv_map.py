@@ -4,7 +4,7 @@ A column is named, or named with a scale: ``t_s: {column: time_ms, scale: 0.001}
 dates: ``t_s: {column: time, iso: true}``, or ``{columns: [date, time], iso: true}`` where they
 stand apart. Ranges are one per row (``anchor_id``, ``range_m``) or in one column per anchor
 (``anchors: {cone-1: d1, cone-2: d2}``). An empty cell, or a number that ``missing`` lists, is no
-range.
+range, and an empty angle is unknown.
 """
 
 from __future__ import annotations
@@ -12,118 +12,28 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import ValidationError
 
 from gaia_uwb._shared import Array, InputError
 from gaia_uwb.config import Settings
 from gaia_uwb.logs._cells import Kind
+from gaia_uwb.logs._cones import ENDS
 from gaia_uwb.logs._dates import column_seconds
-from gaia_uwb.logs._logs import MAX_ANCHORS, LogTable, check_number_of_anchors, from_table, join
+from gaia_uwb.logs._lever_arm import TagInput
+from gaia_uwb.logs._logs import LogTable, check_number_of_anchors, from_table, join
 from gaia_uwb.logs._selection import Value
 from gaia_uwb.logs._stamps import StampOptions
 from gaia_uwb.logs._table import Table, read_names, read_table
-from gaia_uwb.logs._tags import choose_rows, gaps_remark, tag_columns, with_nothing
-
-_Name = Annotated[str, Field(min_length=1)]
-
-
-class Column(Settings):
-    """A column and its unit."""
-
-    column: _Name | None = None
-    """Its name in the file."""
-    columns: Annotated[list[_Name], Field(min_length=2, max_length=2)] | None = None
-    """Instead: names of the columns of date and time (``t_s`` only)."""
-    scale: float = Field(default=1.0, ge=-1e12, le=1e12)
-    """Our unit (seconds, metres, degrees, dBm) per unit of the file; below 0 for heights only, in a
-    file that counts down."""
-    iso: bool = False
-    """Dates and times instead of numbers (``t_s`` only)."""
-
-    @model_validator(mode="after")
-    def _possible(self) -> Column:
-        if (self.column is None) is (self.columns is None):
-            raise ValueError("give column, or columns: [date, time]")
-        if self.columns is not None and not self.iso:
-            raise ValueError("two columns hold a date and a time: add iso: true")
-        if abs(self.scale) < 1e-12:
-            raise ValueError("a scale of 0 leaves nothing")
-        return self
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the columns in the file."""
-        return (self.column,) if self.column is not None else tuple(self.columns or ())
-
-
-_Given = _Name | Column
-_HEIGHTS = ("alt_m", "up_m", "down_m")
-
-
-def _check_scales(columns: Settings) -> None:
-    """Refuse what only some columns can be: upside down, or dates."""
-    for name in type(columns).model_fields:
-        given = getattr(columns, name)
-        for each in given.values() if isinstance(given, dict) else [given]:
-            if isinstance(each, Column) and each.scale < 0 and name not in _HEIGHTS:
-                raise ValueError(f"{name}: a scale below 0 is for heights only")
-            if isinstance(each, Column) and each.iso and name != "t_s":
-                raise ValueError(f"{name}: iso is for t_s only")
-
-
-class TrajectoryColumns(Settings):
-    """Where a table keeps the trajectory: on Earth, or on site."""
-
-    t_s: _Given = "t_s"
-    lat: _Given | None = None
-    lon: _Given | None = None
-    alt_m: _Given | None = None
-    east_m: _Given | None = None
-    north_m: _Given | None = None
-    up_m: _Given | None = None
-    down_m: _Given | None = None
-    """Instead of ``up_m``: metres below the origin, as in north, east, down."""
-
-    @model_validator(mode="after")
-    def _one_kind_of_place(self) -> TrajectoryColumns:
-        _check_scales(self)
-        earth = self.lat is not None and self.lon is not None
-        site = self.east_m is not None and self.north_m is not None
-        some = {name for name in ("lat", "lon", "alt_m") if getattr(self, name) is not None}
-        local = ("east_m", "north_m", "up_m", "down_m")
-        other = {name for name in local if getattr(self, name) is not None}
-        if earth is site or (some and other) or {"up_m", "down_m"} <= other:
-            raise ValueError(
-                "give either lat and lon [and alt_m], or east_m and north_m [and up_m or down_m]"
-            )
-        return self
-
-
-class RangeColumns(Settings):
-    """Where a table keeps the ranges: one per row, or one column per anchor."""
-
-    t_s: _Given = "t_s"
-    anchor_id: _Name | None = None
-    range_m: _Given | None = None
-    rssi_dbm: _Given | None = None
-    rssi_fp_dbm: _Given | None = None
-    anchors: dict[_Name, _Given] | None = None
-    """Anchor -> its column of ranges."""
-
-    @model_validator(mode="after")
-    def _one_layout(self) -> RangeColumns:
-        _check_scales(self)
-        per_row = (self.anchor_id, self.range_m, self.rssi_dbm, self.rssi_fp_dbm)
-        if self.anchors is None and (self.anchor_id is None or self.range_m is None):
-            raise ValueError("give anchor_id and range_m, or anchors")
-        if self.anchors is not None and any(each is not None for each in per_row):
-            raise ValueError("give anchor_id and range_m, or anchors, not both")
-        if self.anchors is not None and not 0 < len(self.anchors) <= MAX_ANCHORS:
-            raise ValueError("anchors must name at least one column")
-        return self
+from gaia_uwb.logs._tags import TagPlaces, choose_rows, gaps_remark, tag_columns, with_nothing
+from gaia_uwb.logs.csv_columns import (
+    Column,
+    ConeColumns,
+    RangeColumns,
+    TrajectoryColumns,
+)
 
 
 def read_trajectory(
@@ -144,7 +54,7 @@ def read_trajectory(
     -------
     LogTable
         ``t_s`` in seconds; ``lat``, ``lon`` in degrees or ``east_m``, ``north_m`` in metres, and
-        the heights if they are mapped.
+        heights and attitude if they are mapped.
     list of str
         Notes on how the file was read.
 
@@ -170,6 +80,7 @@ def read_ranges(
     *,
     where: Mapping[str, Value | Sequence[Value]] | None = None,
     missing: Sequence[float | int] = (),
+    tags: Mapping[str, TagInput] | None = None,
 ) -> tuple[LogTable, list[str]]:
     """Read ranges.
 
@@ -181,18 +92,22 @@ def read_ranges(
         Column -> the value, or one of several, that it must have in the rows that count.
     missing
         Numbers that mean "no range", as the file holds them, before they are scaled.
+    tags
+        Tag's id -> where it is on the vehicle, if that is given.
 
     Returns
     -------
     LogTable
-        ``t_s`` in seconds, ``anchor_id``, ``range_m`` in metres, powers in dBm.
+        ``t_s`` in seconds, ``anchor_id``, ``range_m`` in metres, powers in dBm, angles of arrival,
+        and ``tag_id`` where a column tells.
     list of str
         Notes on how the file was read and what was left out.
 
     Raises
     ------
     InputError
-        Like :func:`read_trajectory`; and if there is no range, or there are ranges of several tags.
+        Like :func:`read_trajectory`; and if there is no range, or there are ranges of a tag of
+        which it is not known where it is.
     """
     where = {} if where is None else where
     columns = _own(path, RangeColumns) if columns is None else columns
@@ -201,12 +116,15 @@ def read_ranges(
         mapped = {f"anchor {k}": _column(c) for k, c in enumerate(columns.anchors.values())}
         mapped = {"t_s": _column(columns.t_s), **mapped}
     kinds = _kinds(path, mapped)
-    choices = {name: Kind.ANYTHING for name in where if name not in kinds}
-    tags = [name for name in tag_columns(read_names(path)) if name not in kinds]
-    table = read_table(path, kinds | choices, dict.fromkeys(tags, Kind.ANYTHING))
-    table = choose_rows(table, where, tags, "this file's entry in gaia.yaml")
+    own = () if columns.tag_id is None else (columns.tag_id,)
+    choices = {name: Kind.ANYTHING for name in (*where, *own) if name not in kinds}
+    others = [name for name in tag_columns(read_names(path)) if name not in {*kinds, *own}]
+    table = read_table(path, kinds | choices, dict.fromkeys(others, Kind.ANYTHING))
+    names = own if own and tags else (*own, *others)
+    table, tag = choose_rows(table, where, names, TagPlaces(tags or {}))
     notes = list(table.remarks)
     log = _log_table(table, mapped, stamps, missing)
+    log = log if tag is None else _with_texts(log, {"tag_id": (tag, table)})
     if columns.anchors is None:
         check_number_of_anchors(log)
     n_gaps = sum(int((~np.isfinite(log[name])).sum()) for name in mapped if _is_range(name))
@@ -232,15 +150,55 @@ def _unfold(wide: LogTable, anchors: Mapping[str, str | Column]) -> LogTable:
             continue
         values = {"t_s": kept["t_s"], "range_m": kept[name]}
         values["anchor_id"] = np.zeros(len(kept), np.int64)
-        labels = {"anchor_id": (anchor_id,)}
-        names = {"t_s": wide.names["t_s"], "range_m": wide.names[name]}
+        labels = {**kept.labels, "anchor_id": (anchor_id,)}
+        values |= {"tag_id": kept["tag_id"]} if "tag_id" in kept else {}
+        names = {**kept.names, "range_m": wide.names[name]}
         parts.append(replace(kept, columns=values, labels=labels, names=names))
     if not parts:
         raise InputError("contains no ranges in the columns of the anchors", source=wide.path)
     return join(parts)
 
 
-M = TypeVar("M", TrajectoryColumns, RangeColumns)
+def read_cone_ranges(path: Path, columns: ConeColumns | None, stamps: StampOptions) -> LogTable:
+    """Read ranges between cones.
+
+    Parameters
+    ----------
+    path, columns, stamps
+        Like those of :func:`read_trajectory`.
+
+    Returns
+    -------
+    LogTable
+        ``anchor_a``, ``anchor_b``, ``range_m`` in metres and, if it is mapped, ``t_s`` in seconds.
+
+    Raises
+    ------
+    InputError
+        Like :func:`read_trajectory`.
+    """
+    columns = _own(path, ConeColumns) if columns is None else columns
+    mapped = _columns(columns)
+    table = read_table(path, _kinds(path, mapped))
+    log = _log_table(table, {name: c for name, c in mapped.items() if name not in ENDS}, stamps)
+    log = _with_texts(log, {end: (getattr(columns, end), table) for end in ENDS})
+    return replace(log, remarks=table.remarks)
+
+
+def _with_texts(log: LogTable, texts: Mapping[str, tuple[str, Table]]) -> LogTable:
+    """Return a table with more columns of text: our name -> a file's column and its table."""
+    columns = {name: table[theirs] for name, (theirs, table) in texts.items()}
+    labels = {name: table.labels[theirs] for name, (theirs, table) in texts.items()}
+    names = {name: theirs for name, (theirs, _) in texts.items()}
+    return replace(
+        log,
+        columns={**log.columns, **columns},
+        labels={**log.labels, **labels},
+        names={**log.names, **names},
+    )
+
+
+M = TypeVar("M", TrajectoryColumns, RangeColumns, ConeColumns)
 
 
 def _own(path: Path, model: type[M]) -> M:
@@ -260,7 +218,8 @@ def _column(given: str | Column) -> Column:
 
 def _columns(columns: Settings) -> dict[str, Column]:
     """Return our name -> column, for what is mapped."""
-    given = ((name, getattr(columns, name)) for name in type(columns).model_fields)
+    names = (name for name in type(columns).model_fields if name != "tag_id")
+    given = ((name, getattr(columns, name)) for name in names)
     return {
         name: _column(column)
         for name, column in given
@@ -300,7 +259,7 @@ def _is_range(name: str) -> bool:
 
 
 def _kind(name: str) -> Kind:
-    if name == "anchor_id":
+    if name in {"anchor_id", *ENDS}:
         return Kind.TEXT
     return Kind.NUMBER if name == "t_s" else Kind.OPTIONAL  # an empty cell: no fix, no range
 
@@ -316,5 +275,6 @@ def _values(
         return values
     if _is_range(name):
         values = with_nothing(values, missing)
+    scale = -column.scale if column.clockwise else column.scale
     with np.errstate(over="ignore"):  # what comes out as infinite is refused as such
-        return values if column.scale == 1 else np.asarray(values * column.scale)
+        return values if scale == 1 else np.asarray(values * scale)

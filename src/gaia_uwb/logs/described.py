@@ -10,17 +10,29 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from gaia_uwb._shared import InputError, name_of
 from gaia_uwb.logs import _plausible
-from gaia_uwb.logs._lever_arm import LeverArm, move_to_tag
+from gaia_uwb.logs._cones import Cones, cones_in
+from gaia_uwb.logs._lever_arm import LeverArm, tag_text
 from gaia_uwb.logs._logs import LogTable, join
-from gaia_uwb.logs._places import Places, first_place, only_fixes, to_places
-from gaia_uwb.logs._scenes import make_truth, range_log, ranges_of_drive, read_anchors
+from gaia_uwb.logs._places import first_place, only_fixes, to_places
+from gaia_uwb.logs._scenes import (
+    heading_note,
+    make_truth,
+    no_heights_note,
+    range_log,
+    ranges_of_drive,
+    read_anchors,
+    scene_tags,
+    trajectory_of,
+)
 from gaia_uwb.logs._stamps import DAY_S
+from gaia_uwb.logs._tags import TagPlaces
 from gaia_uwb.logs._tidy import tidy
 from gaia_uwb.logs.bags import Link, is_killed_recording, is_ros2_folder, is_ros_file
 from gaia_uwb.logs.input_description import (
@@ -42,7 +54,8 @@ from gaia_uwb.logs.input_description import (
 )
 from gaia_uwb.logs.native import is_native
 from gaia_uwb.logs.ros import RosLog
-from gaia_uwb.scene import LocalFrame, Scene, Trajectory
+from gaia_uwb.logs.vehicle import Vehicle
+from gaia_uwb.scene import LocalFrame, Scene, Trajectory, antenna_path
 
 _DATED_S = 10 * DAY_S  # times from which on count from 1970, not from midnight or from a start
 _QUOTED = re.compile("['\"`].*['\"`]", re.DOTALL)
@@ -58,13 +71,15 @@ def is_described(path: Path) -> bool:
     return is_ros_file(path) and path.is_file()
 
 
-def read_described(path: Path) -> Scene:
+def read_described(path: Path, *, vehicle: Vehicle | None = None) -> Scene:
     """Read a ROS log, or a folder with a ``gaia.yaml``.
 
     Parameters
     ----------
     path
         A ``.bag``, ``.mcap`` or ``.db3`` file, a ROS 2 folder, or a folder with a ``gaia.yaml``.
+    vehicle
+        Who drove, if that is known: its tags are where they are on it, unless the log says so.
 
     Returns
     -------
@@ -80,7 +95,7 @@ def read_described(path: Path) -> Scene:
     """
     if path.is_dir() and (path / FILE_NAME).is_file():
         try:
-            return _Reader(path, read_description(path / FILE_NAME)).scene()
+            return _read(path, read_description(path / FILE_NAME), vehicle)
         except InputError as error:
             raise _without_quotes(error, named_elsewhere(path)) from error
     ros = {"file": name_of(path), "format": "ros"}
@@ -88,7 +103,22 @@ def read_described(path: Path) -> Scene:
     description = InputDescription.model_validate(
         {"name": name, "trajectory": ros, "ranges": [ros]}
     )
-    return _Reader(path.resolve().parent, description, shown=path).scene()
+    return _read(path.resolve().parent, description, vehicle, shown=path)
+
+
+def _read(
+    folder: Path,
+    description: InputDescription,
+    vehicle: Vehicle | None,
+    shown: Path | None = None,
+) -> Scene:
+    """Return what a log holds, with the tags of a vehicle where it gives no lever arm."""
+    if vehicle is None:
+        return _Reader(folder, description, shown).scene()
+    if description.lever_arm == LeverArm():
+        tags = vehicle.tags_for(description.tags)
+        description = description.model_copy(update={"tags": tags})
+    return vehicle.drove(_Reader(folder, description, shown).scene())
 
 
 def named_elsewhere(folder: Path) -> list[Path]:
@@ -152,22 +182,30 @@ class _Reader:
         given = self._description
         drive = self._drive()
         ranges = self._ranges(float(np.median(drive["t_s"])))
-        frame, places = self._places(drive)
-        ranges, notes = ranges_of_drive(ranges, drive, places.position_m)
+        frame, trajectory = self._trajectory(drive)
+        ranges, notes = ranges_of_drive(ranges, drive, trajectory.position_m)
         self._notes += notes
+        cones = self._cones()
         table = None if given.anchors is None else self._anchors_file(given.anchors)
-        anchors = read_anchors(table, frame, ranges.labels["anchor_id"])
+        ranged = tuple(dict.fromkeys((*ranges.labels["anchor_id"], *cones.labels)))
+        anchors = read_anchors(table, frame, ranged)
+        tags, tag, notes = scene_tags(ranges, TagPlaces(given.tags))
+        self._notes += [*notes, *heading_note(trajectory), *no_heights_note(tags, trajectory)]
+        self._notes += cones.notes
         order = ranges["t_s"].argsort(kind="stable")
         return Scene(
             name=given.name if given.name is not None else name_of(self._folder),
-            trajectory=Trajectory(t_s=drive["t_s"], position_m=places.position_m, up_m=places.up_m),
-            ranges=range_log(ranges, order, anchors.ids),
+            trajectory=trajectory,
+            ranges=range_log(ranges, order, anchors.ids, tag),
             anchor_ids=anchors.ids,
             anchor_up_m=anchors.up_m,
             frame=frame,
             truth=make_truth(ranges, order, anchors, None),
             notes=(*dict.fromkeys(self._notes), *self._ignored()),
             problems=tuple(self._problems),
+            tags=tags,
+            cone_ranges=cones.ranges(anchors.ids),
+            vehicle=given.vehicle,
         )
 
     def _ignored(self) -> Iterator[str]:
@@ -255,6 +293,7 @@ class _Reader:
         from gaia_uwb.logs import csv_map
         from gaia_uwb.logs.serial import read_serial
 
+        tags = self._description.tags if given.tag_id is None else {}
         match given:
             case RosRanges():
                 log = self._ros(given)
@@ -264,12 +303,18 @@ class _Reader:
                     given.clock,
                     where=given.where,
                     missing=given.missing,
+                    tags=tags,
                 )
                 notes = log.notes
             case CsvRanges():
                 path = self._path(given.file)
                 table, notes = csv_map.read_ranges(
-                    path, given.columns, given.stamps, where=given.where, missing=given.missing
+                    path,
+                    given.columns,
+                    given.stamps,
+                    where=given.where,
+                    missing=given.missing,
+                    tags=tags,
                 )
             case SerialRanges():
                 table, notes = read_serial(
@@ -279,23 +324,40 @@ class _Reader:
                     where=given.where,
                     missing=given.missing,
                     near_s=near_s,
+                    tags=tags,
                 )
         self._notes += notes
-        return table
+        return table if given.tag_id is None else _of_one_tag(table, tag_text(given.tag_id))
 
-    def _places(self, drive: LogTable) -> tuple[LocalFrame | None, Places]:
-        """Return the local frame, if there is one, and the path of the tag's antenna."""
+    def _cones(self) -> Cones:
+        """Return the ranges between cones."""
+        from gaia_uwb.logs import csv_map
+
+        given = self._description.cone_ranges
+        if given is None:
+            return Cones()
+        table = csv_map.read_cone_ranges(self._path(given.file), given.columns, given.stamps)
+        self._unused.setdefault(table.path, table.unknown)
+        return cones_in(table)
+
+    def _trajectory(self, drive: LogTable) -> tuple[LocalFrame | None, Trajectory]:
+        """Return the local frame, if there is one, and the path of the tag's antenna.
+
+        With ``tags``, it is the path that the log holds.
+        """
         given: FrameInput | None = self._description.frame
         frame = LocalFrame(**dict(given)) if given else first_place(drive)
         places = to_places(drive, frame)
+        trajectory = trajectory_of(drive, places)
         arm: LeverArm = self._description.lever_arm
-        try:
-            moved = move_to_tag(drive["t_s"], places.position_m, places.up_m, arm)
-        except InputError as error:
-            raise drive.error(error.problem, column=error.column) from error
         if arm.up_m and places.up_m is None:
             self._notes.append("lever_arm: up_m is ignored, as the trajectory has no heights")
-        return frame, Places(*moved)
+        if arm == LeverArm():
+            return frame, trajectory
+        try:
+            return frame, antenna_path(trajectory, **dict(arm))
+        except InputError as error:
+            raise drive.error(error.problem, column="lever_arm") from error
 
     def _ros(self, given: RosTrajectory | RosRanges) -> RosLog:
         """Return a ROS log; one that holds both trajectory and ranges is scanned once."""
@@ -315,6 +377,12 @@ class _Reader:
         if not path.is_file():
             raise InputError("no such file (anchors)", source=path)
         return path
+
+
+def _of_one_tag(table: LogTable, tag_id: str) -> LogTable:
+    """Return ranges as those of one tag."""
+    columns = {**table.columns, "tag_id": np.zeros(len(table), np.int64)}
+    return replace(table, columns=columns, labels={**table.labels, "tag_id": (tag_id,)})
 
 
 def _or_other_format(error: InputError, path: Path) -> InputError:

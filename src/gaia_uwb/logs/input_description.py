@@ -14,16 +14,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
-from pydantic import Discriminator, Field, Tag, ValidationError
+from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from gaia_uwb._shared import MAX_BYTES, ConfigError, InputError, read_yaml
 from gaia_uwb.config import LONGEST_NAME, Settings, settings_problems
-from gaia_uwb.logs._lever_arm import LeverArm
+from gaia_uwb.logs._lever_arm import LeverArm, Tags
 from gaia_uwb.logs._logs import check_file
-from gaia_uwb.logs._selection import Missing, Where
+from gaia_uwb.logs._selection import Missing, Value, Where
 from gaia_uwb.logs._stamps import StampOptions
 from gaia_uwb.logs.bags import FieldMap, is_ros_file
-from gaia_uwb.logs.csv_map import RangeColumns, TrajectoryColumns
+from gaia_uwb.logs.csv_columns import ConeColumns, RangeColumns, TrajectoryColumns
 
 FILE_NAME = "gaia.yaml"
 """Name of the description within the folder of a log."""
@@ -62,7 +62,12 @@ class RosTrajectory(_Ros):
     """In ``/tf``: which frame moved in which; ``None`` uses the only chain that moves."""
 
 
-class RosRanges(_Ros):
+class _OfOneTag(Settings):
+    tag_id: Value | None = None
+    """Whose ranges these are, where each tag has a log of its own; ``None``: as the log says."""
+
+
+class RosRanges(_Ros, _OfOneTag):
     """Ranges in a ROS log."""
 
     fields: FieldMap | None = None
@@ -126,7 +131,7 @@ class CsvTrajectory(_File):
     stamps: StampOptions = StampOptions()
 
 
-class CsvRanges(_File):
+class CsvRanges(_File, _OfOneTag):
     """Ranges in a table."""
 
     format: Literal["csv"] = "csv"
@@ -142,7 +147,7 @@ class CsvRanges(_File):
 SerialFormat = Literal["dwm1001", "trek1000", "mauwb", "dwm3001"]
 
 
-class SerialRanges(_File):
+class SerialRanges(_File, _OfOneTag):
     """Ranges in a tag's serial log."""
 
     format: SerialFormat | None = None
@@ -151,6 +156,15 @@ class SerialRanges(_File):
     """Which tag counts, where lines name the tag: ``{tag_id: 1}``."""
     missing: Missing = Field(default_factory=list)
     """Numbers that mean "no range", in the device's unit."""
+    stamps: StampOptions = StampOptions()
+
+
+class ConeRangesInput(_File):
+    """Ranges between cones in a table."""
+
+    format: Literal["csv"] = "csv"
+    columns: ConeColumns | None = None
+    """Which column is what; ``None``: they bear GAIA's own names."""
     stamps: StampOptions = StampOptions()
 
 
@@ -240,14 +254,27 @@ class InputDescription(Settings):
     """One or more logs of the same drive, all by one clock."""
     anchors: str | None = None
     """Table of heights and surveyed positions, like GAIA's own ``anchors.csv``."""
+    vehicle: str = Field(default="", max_length=LONGEST_NAME)
+    """Name of the vehicle that drove."""
     lever_arm: LeverArm = LeverArm()
     """From the GNSS antenna to the tag's antenna."""
+    tags: Tags = Field(default_factory=dict)
+    """Tag's id -> from the GNSS antenna to that tag's antenna, where there are several tags."""
+    cone_ranges: ConeRangesInput | None = None
+    """Ranges between the cones."""
+
+    @model_validator(mode="after")
+    def _arms_once(self) -> InputDescription:
+        if self.tags and self.lever_arm != LeverArm():
+            raise ValueError("give lever_arm (of one tag) or tags (of several), not both")
+        return self
 
     def names(self) -> list[str]:
         """Return the files and folders that are named, relative to the description's folder."""
         inputs = (self.trajectory, *self.ranges)
         folders = [given.msg_dir for given in inputs if isinstance(given, _Ros)]
-        named = [given.file for given in inputs] + [self.anchors, *folders]
+        cones = None if self.cone_ranges is None else self.cone_ranges.file
+        named = [given.file for given in inputs] + [self.anchors, cones, *folders]
         if isinstance(self.trajectory, KittiTrajectory):
             named.append(self.trajectory.times)
         return [name for name in named if name is not None]

@@ -1,23 +1,29 @@
-"""GAIA's own format: a folder with two tables, and up to two more files.
+"""GAIA's own format: a folder with two tables, and up to three more files.
 
 ==================  ================================================================================
-``trajectory.csv``  ``t_s`` and ``east_m,north_m[,up_m]`` or ``lat,lon[,alt_m]``
-``ranges.csv``      ``t_s,anchor_id,range_m[,rssi_dbm][,rssi_fp_dbm]`` and, where a simulator knows
-                    them, ``true_range_m,nlos,outlier,true_bias_m``
+``trajectory.csv``  ``t_s`` and ``east_m,north_m[,up_m]`` or ``lat,lon[,alt_m]``; optional:
+                    ``heading_deg`` (clockwise from north), ``roll_deg,pitch_deg`` (as in REP 103)
+``ranges.csv``      ``t_s,anchor_id,range_m[,rssi_dbm][,rssi_fp_dbm]``; of several tags also
+                    ``tag_id``; with angles of arrival ``azimuth_deg[,azimuth_sigma_deg]``
+                    (counter-clockwise from the vehicle's front); and, where a simulator knows them,
+                    ``true_range_m,nlos,outlier,true_bias_m``
 ``anchors.csv``     optional: ``anchor_id[,up_m]`` and, where surveyed, ``east_m,north_m`` or
                     ``lat,lon[,alt_m]``
+``cone_ranges.csv`` optional: ``anchor_a,anchor_b,range_m[,t_s]``, ranges between cones
 ``scene.yaml``      optional: ``name``, ``frame`` (``lat_deg``, ``lon_deg``, ``alt_m``),
                     ``clock_offset_s`` (the true one, where a simulator knows it), ``where``
-                    (column -> value of the ranges that count) and ``missing`` (lengths that mean
-                    "no range")
+                    (column -> value of the ranges that count), ``missing`` (lengths that mean
+                    "no range"), ``vehicle`` (its name) and ``tags`` (id -> ``forward_m``,
+                    ``left_m``, ``up_m`` and ``own_clock``)
 ==================  ================================================================================
 
 Each table may be ``.parquet`` instead of ``.csv``. Seconds, metres, degrees, dBm; text is UTF-8.
 Times may also be dates, in ``t_s`` or in two columns ``date`` and ``time``.
-Positions are those of the tag's antenna. Without ``frame``, a trajectory in ``lat,lon`` takes its
+Positions are those of the tag's antenna or, with ``tags``, of the point of the vehicle from which
+these count. Without ``frame``, a trajectory in ``lat,lon`` takes its
 first sample as the local frame's origin. Heights (``up_m``) count from that origin; ``alt_m``, from
 the ellipsoid, may stand for them everywhere. What is not known is an empty cell: a height, a
-surveyed place, a range, and the place of the tag before there is a fix.
+surveyed place, a range, an angle, and the place of the tag before there is a fix.
 
 What was surveyed or simulated (places and the four columns above) becomes the scene's truth, which
 only scores read. Rows may come in any order, as logs merge several radios; they are sorted by time,
@@ -27,13 +33,12 @@ are ignored.
 
 from __future__ import annotations
 
-import io
 import os
 import shutil
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, ValidationError
@@ -51,19 +56,33 @@ from gaia_uwb._shared import (
 from gaia_uwb.config import LONGEST_NAME, Settings, settings_problems
 from gaia_uwb.logs import _plausible
 from gaia_uwb.logs._cells import Kind
+from gaia_uwb.logs._cones import ENDS, Cones, cones_in
 from gaia_uwb.logs._dates import column_seconds
+from gaia_uwb.logs._lever_arm import Tags
 from gaia_uwb.logs._logs import check_number_of_anchors
+from gaia_uwb.logs._native_files import scene_tables, scene_yaml, table_bytes
 from gaia_uwb.logs._places import first_place, only_fixes, place_kinds, to_places
-from gaia_uwb.logs._scenes import Anchors, make_truth, range_log, ranges_of_drive, read_anchors
+from gaia_uwb.logs._scenes import (
+    Anchors,
+    heading_note,
+    make_truth,
+    no_heights_note,
+    range_log,
+    ranges_of_drive,
+    read_anchors,
+    scene_tags,
+    trajectory_of,
+)
 from gaia_uwb.logs._selection import Missing, Where
 from gaia_uwb.logs._table import Table, holds_dates, read_names, read_table
-from gaia_uwb.logs._tags import choose_rows, drop_missing, tag_columns
+from gaia_uwb.logs._tags import TagPlaces, choose_rows, drop_missing, tag_columns
 from gaia_uwb.logs._tidy import tidy
-from gaia_uwb.scene import LocalFrame, Scene, Trajectory
+from gaia_uwb.logs.vehicle import Vehicle
+from gaia_uwb.scene import LocalFrame, Scene
 
 _SCENE_FILE = "scene.yaml"
 _DATE_AND_TIME = ("date", "time")
-_TABLES = ("trajectory", "ranges", "anchors")
+_TABLES = ("trajectory", "ranges", "anchors", "cone_ranges")
 _SUFFIXES = (".csv", ".parquet")
 
 LOG_FILES = (*(table + suffix for table in _TABLES for suffix in _SUFFIXES), _SCENE_FILE)
@@ -88,6 +107,17 @@ class _SceneContent(Settings):
     clock_offset_s: float | None = None
     where: Where = Field(default_factory=dict)
     missing: Missing = Field(default_factory=list)
+    vehicle: str = Field(default="", max_length=LONGEST_NAME)
+    tags: Tags = Field(default_factory=dict)
+
+    def tag_places(self) -> TagPlaces:
+        """Return where the tags are, and where that is to be written."""
+        return TagPlaces(self.tags, _SCENE_FILE, _SCENE_FILE, "add a column tag_id")
+
+    def of_vehicle(self, vehicle: Vehicle | None) -> _SceneContent:
+        """Return it with the tags of a vehicle where it gives none."""
+        tags = self.tags if vehicle is None else vehicle.tags_for(self.tags)
+        return self.model_copy(update={"tags": tags})
 
 
 def is_native(folder: Path) -> bool:
@@ -95,13 +125,15 @@ def is_native(folder: Path) -> bool:
     return any((folder / f"trajectory{suffix}").is_file() for suffix in _SUFFIXES)
 
 
-def read_native(folder: str | Path) -> Scene:
+def read_native(folder: str | Path, *, vehicle: Vehicle | None = None) -> Scene:
     """Read a scene in GAIA's own format.
 
     Parameters
     ----------
     folder
         Folder with the files that this module's text describes.
+    vehicle
+        Who drove, if that is known: its tags are where they are on it.
 
     Returns
     -------
@@ -119,27 +151,35 @@ def read_native(folder: str | Path) -> Scene:
     folder = Path(folder)
     if not folder.is_dir():
         raise SourceError(f"{folder}: no such folder")
-    content = _read_scene_file(folder / _SCENE_FILE)
+    content = _read_scene_file(folder / _SCENE_FILE).of_vehicle(vehicle)
     path = tidy(_read_trajectory(_need(folder, "trajectory")))
     drive = path.table
     _plausible.check_timeline(drive)
     frame = LocalFrame(**dict(content.frame)) if content.frame else first_place(drive)
-    places = to_places(drive, frame)
+    trajectory = trajectory_of(drive, to_places(drive, frame))
     log = tidy(_read_ranges(_need(folder, "ranges"), content))
-    ranges, left_out = ranges_of_drive(log.table, drive, places.position_m)
-    anchors = read_anchors(_find(folder, "anchors"), frame, ranges.labels["anchor_id"])
+    ranges, left_out = ranges_of_drive(log.table, drive, trajectory.position_m)
+    cones = _read_cone_ranges(_find(folder, "cone_ranges"))
+    ranged = tuple(dict.fromkeys((*ranges.labels["anchor_id"], *cones.labels)))
+    anchors = read_anchors(_find(folder, "anchors"), frame, ranged)
+    tags, tag, tag_notes = scene_tags(ranges, content.tag_places())
     order = np.argsort(ranges["t_s"], kind="stable")
     scene = Scene(
         name=name_of(folder) if content.name is None else content.name,
-        trajectory=Trajectory(t_s=drive["t_s"], position_m=places.position_m, up_m=places.up_m),
-        ranges=range_log(ranges, order, anchors.ids),
+        trajectory=trajectory,
+        ranges=range_log(ranges, order, anchors.ids, tag),
         anchor_ids=anchors.ids,
         anchor_up_m=anchors.up_m,
         frame=frame,
         truth=make_truth(ranges, order, anchors, content.clock_offset_s),
+        tags=tags,
+        cone_ranges=cones.ranges(anchors.ids),
+        vehicle=content.vehicle,
     )
-    notes = (*path.notes, *log.notes, *left_out, *_notes(scene, drive, ranges, anchors))
-    return replace(scene, notes=notes, problems=(*path.problems, *log.problems))
+    tag_notes += [*heading_note(trajectory), *no_heights_note(tags, trajectory), *cones.notes]
+    notes = (*path.notes, *log.notes, *left_out, *_notes(scene, drive, ranges, anchors), *tag_notes)
+    scene = replace(scene, notes=notes, problems=(*path.problems, *log.problems))
+    return scene if vehicle is None else vehicle.drove(scene)
 
 
 def write_native(
@@ -147,7 +187,9 @@ def write_native(
 ) -> None:
     """Write a scene in GAIA's own format; :func:`read_native` gives back an equal one.
 
-    What a reader leaves out (ranges of 0 m and less) and its notes are not in what comes back.
+    What a reader leaves out (ranges of 0 m and less), its notes and ``trajectory.lever_m`` are not
+    in what comes back. Angles are written in degrees, to 10
+    decimals.
 
     All files are written under temporary names and then renamed, the trajectory last: a folder
     without one is not a scene, so an interruption never leaves half of one. A scene that this
@@ -185,9 +227,9 @@ def write_native(
     new = temporary_path(folder, "scene")
     try:
         new.mkdir()
-        replace_file(new / _SCENE_FILE, _scene_file(scene))
-        for table, columns in _tables(scene).items():
-            replace_file(new / f"{table}.{file_format}", _table_bytes(columns, file_format))
+        replace_file(new / _SCENE_FILE, scene_yaml(scene))
+        for table, columns in scene_tables(scene).items():
+            replace_file(new / f"{table}.{file_format}", table_bytes(columns, file_format))
         with output.alone():
             for name in LOG_FILES:  # the trajectory goes first and comes last
                 output.remove(name)
@@ -197,9 +239,6 @@ def write_native(
         raise ConfigError(f"{folder}: cannot be written: {error.strerror or error}") from error
     finally:
         shutil.rmtree(new, ignore_errors=True)
-
-
-# Reading -----------------------------------------------------------------------------------------
 
 
 def _find(folder: Path, table: str) -> Path | None:
@@ -238,7 +277,8 @@ def _read_trajectory(path: Path) -> Table:
         names = ", ".join(map(repr, read_names(path)))
         problem = f"expected the columns east_m,north_m or lat,lon, got {names[:200]}"
         raise InputError(problem, source=path)
-    table, notes = only_fixes(_read_timed(path, places, heights))
+    attitude = dict.fromkeys(_plausible.ATTITUDE, Kind.OPTIONAL)
+    table, notes = only_fixes(_read_timed(path, places, heights | attitude))
     table = replace(table, remarks=(*table.remarks, *notes))
     _plausible.check_seconds(table)
     return table
@@ -246,14 +286,28 @@ def _read_trajectory(path: Path) -> Table:
 
 def _read_ranges(path: Path, content: _SceneContent) -> Table:
     needed = {"anchor_id": Kind.TEXT, "range_m": Kind.OPTIONAL}
-    signal = {"rssi_dbm": Kind.OPTIONAL, "rssi_fp_dbm": Kind.OPTIONAL}
+    signal = dict.fromkeys(("rssi_dbm", "rssi_fp_dbm", *_plausible.ARRIVAL), Kind.OPTIONAL)
     tags = tag_columns(read_names(path))
     choices = {name: Kind.ANYTHING for name in content.where if name not in needed}
     known = {**dict.fromkeys(tags, Kind.ANYTHING), **signal, **_TRUTH}
     table = _read_timed(path, {**choices, **needed}, known)
     check_number_of_anchors(table)
-    table = choose_rows(table, content.where, tags, "scene.yaml")
+    table, tag = choose_rows(table, content.where, tags, content.tag_places())
+    if tag is not None:
+        columns = {**table.columns, "tag_id": table[tag]}
+        labels = {**table.labels, "tag_id": table.labels[tag]}
+        table = replace(table, columns=columns, labels=labels)
     return drop_missing(table, content.missing)
+
+
+def _read_cone_ranges(path: Path | None) -> Cones:
+    if path is None:
+        return Cones()
+    kinds = {**dict.fromkeys(ENDS, Kind.TEXT), "range_m": Kind.OPTIONAL}
+    names = set(read_names(path))
+    timed = "t_s" in names or set(_DATE_AND_TIME) <= names
+    table = _read_timed(path, kinds, {}) if timed else read_table(path, kinds)
+    return cones_in(table)
 
 
 def _read_timed(path: Path, required: dict[str, Kind], optional: dict[str, Kind]) -> Table:
@@ -285,65 +339,3 @@ def _notes(scene: Scene, drive: Table, ranges: Table, anchors: Anchors) -> Itera
         yield f"only {n_surveyed} of {scene.n_anchors} cones are surveyed: results cannot be scored"
     elif labelled and not n_surveyed:
         yield f"{ranges.path.name}: {', '.join(labelled)} ignored, as no cone is surveyed"
-
-
-# Writing -----------------------------------------------------------------------------------------
-
-
-def _table_bytes(columns: Mapping[str, Any], file_format: str) -> bytes:
-    """Return a table as a file's content: what writes it to the disk then fails as files do."""
-    import polars as pl
-
-    frame, content = pl.DataFrame(columns, nan_to_null=True), io.BytesIO()
-    if file_format == "csv":
-        frame.write_csv(content)
-    else:
-        frame.write_parquet(content)
-    return content.getvalue()
-
-
-def _tables(scene: Scene) -> dict[str, dict[str, Any]]:
-    """Return the tables of a scene: name -> column -> values, without columns that it lacks."""
-    import polars as pl
-
-    drive, ranges, truth = scene.trajectory, scene.ranges, scene.truth
-    tables: dict[str, dict[str, Any]] = {
-        "trajectory": {
-            "t_s": drive.t_s,
-            "east_m": drive.position_m[:, 0],
-            "north_m": drive.position_m[:, 1],
-            "up_m": drive.up_m,
-        },
-        "ranges": {
-            "t_s": ranges.t_s,
-            "anchor_id": pl.Series(scene.anchor_ids).gather(ranges.anchor),
-            "range_m": ranges.range_m,
-            "rssi_dbm": ranges.rssi_dbm,
-            "rssi_fp_dbm": ranges.rssi_fp_dbm,
-            "true_range_m": None if truth is None else truth.range_m,
-            "nlos": None if truth is None else truth.nlos,
-            "outlier": None if truth is None else truth.outlier,
-            "true_bias_m": None if truth is None else truth.bias_m,
-        },
-        "anchors": {
-            "anchor_id": scene.anchor_ids,
-            "up_m": scene.anchor_up_m,
-            "east_m": None if truth is None else truth.anchor_m[:, 0],
-            "north_m": None if truth is None else truth.anchor_m[:, 1],
-        },
-    }
-    return {
-        table: {name: values for name, values in columns.items() if values is not None}
-        for table, columns in tables.items()
-    }
-
-
-def _scene_file(scene: Scene) -> str:
-    import yaml
-
-    content: dict[str, Any] = {"name": scene.name}
-    if scene.frame is not None:
-        content["frame"] = asdict(scene.frame)
-    if scene.truth is not None and scene.truth.clock_offset_s is not None:
-        content["clock_offset_s"] = scene.truth.clock_offset_s
-    return yaml.safe_dump(content, sort_keys=False)

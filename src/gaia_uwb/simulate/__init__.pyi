@@ -25,6 +25,7 @@ from .settings import (
     PassConfig as PassConfig,
     RangingConfig as RangingConfig,
     RoadConfig as RoadConfig,
+    TagConfig as TagConfig,
     ZoneKind as ZoneKind,
 )
 from .source import load as load

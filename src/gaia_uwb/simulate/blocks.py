@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Bool, Float64
+from gaia_uwb._shared import Array, Bool, ConfigError, Float64
 from gaia_uwb.episode import Episode, EpisodeTruth
 from gaia_uwb.simulate.presets import PLACE
 from gaia_uwb.simulate.ranging import simulate_rows
@@ -114,8 +114,12 @@ def simulate_blocks(config: PassConfig, seed: int, episodes: Sequence[int]) -> l
     Raises
     ------
     ConfigError
-        Like :func:`set_up`.
+        Like :func:`set_up`, or if the settings ask for what an episode does not hold: several tags,
+        angles, ranges among cones.
     """
+    if config.drive.tags or config.ranging.azimuth_sigma_deg or config.ranging.cone_neighbours:
+        problem = "an episode holds no tags, angles of arrival or ranges between cones: make logs"
+        raise ConfigError(problem)
     source = Source(seed)
     streams = [source.stream(episode) for episode in episodes]
     draws = [draw_zone(config, stream) for stream in streams]

@@ -14,23 +14,32 @@ from pydantic import ValidationError
 
 from gaia_uwb._shared import Array, ConfigError, Float64
 from gaia_uwb.episode import Episode
-from gaia_uwb.scene import RangeLog, Scene, Trajectory, Truth
+from gaia_uwb.scene import RangeLog, Scene, Tag, Trajectory, Truth
 from gaia_uwb.simulate.blocks import anchor_ids, simulate_blocks
+from gaia_uwb.simulate.cone_ranges import simulate_cone_ranges
 from gaia_uwb.simulate.presets import PLACE
 from gaia_uwb.simulate.ranging import received_power, simulate_rows
-from gaia_uwb.simulate.rows import PassRows
+from gaia_uwb.simulate.rows import PassRows, SectionRows
 from gaia_uwb.simulate.settings import DriveConfig, PassConfig
 from gaia_uwb.simulate.setup import Setting, set_up
 from gaia_uwb.simulate.streams import RowStreams, Source, Stream
 from gaia_uwb.simulate.trajectories import record_positions
+from gaia_uwb.simulate.vehicles import MountedTag, draw_vehicle
 
 __all__ = ["Setting", "set_up", "simulate_episode", "simulate_pass", "simulate_zone"]
 
 _PASSES = 1 << 32  # numbers of passes kept for every zone
+_MEASURED = ("t_s", "anchor", "range_m", "rssi_dbm", "rssi_fp_dbm", "azimuth_rad")
+_KNOWN = ("nlos", "outlier", "bias_m")
 
 
 def simulate_zone(
-    config: PassConfig, seed: int, *, lanes_m: Sequence[float] = (0.0, 3.6), zone: int = 0
+    config: PassConfig,
+    seed: int,
+    *,
+    lanes_m: Sequence[float] = (0.0, 3.6),
+    zone: int = 0,
+    vehicles: Sequence[str] | None = None,
 ) -> list[Scene]:
     """Simulate several passes of one work zone: the same anchors, each drive with its own errors.
 
@@ -44,7 +53,11 @@ def simulate_zone(
         For each pass, how far it keeps beside the lane of ``config.drive``, positive towards the
         open side, in metres.
     zone
-        Number of the zone in its batch, at least 0; passes of different zones share nothing.
+        Number of the zone in its batch, at least 0; passes of different zones share nothing, but
+        for vehicles of the same name.
+    vehicles
+        For each pass, the name of the vehicle that drives it; those of the same name share their
+        clock and radios. None: the passes share what the settings say.
 
     Returns
     -------
@@ -54,7 +67,7 @@ def simulate_zone(
     Raises
     ------
     ConfigError
-        Like :func:`simulate_pass`, or if a lane is impossible.
+        Like :func:`simulate_pass`, or if a lane is impossible, or has no vehicle where others have.
 
     Examples
     --------
@@ -63,22 +76,27 @@ def simulate_zone(
     >>> bool((near.truth.anchor_m == far.truth.anchor_m).all()), near.name, far.name
     (True, 'sim-0-0-pass-0', 'sim-0-0-pass-1')
     """
+    names = [""] * len(lanes_m) if vehicles is None else list(vehicles)
+    if len(names) != len(lanes_m):
+        raise ConfigError(f"expected a vehicle for each of {len(lanes_m)} lanes, got {len(names)}")
     scenes = []
     width = len(str(max(len(lanes_m) - 1, 0)))
-    for k, lane_m in enumerate(lanes_m):
+    for k, (lane_m, vehicle) in enumerate(zip(lanes_m, names, strict=True)):
         lane = config.drive.lane_offset_m + lane_m
         try:
             drive = DriveConfig.model_validate(config.drive.model_dump() | {"lane_offset_m": lane})
         except ValidationError as error:
             raise ConfigError(f"expected lanes within 20 m of the usual one, got {lane}") from error
         own = config.model_copy(update={"drive": drive})
-        scene = simulate_pass(own, seed, episode=zone * _PASSES + k, zone=zone * _PASSES)
+        scene = simulate_pass(
+            own, seed, episode=zone * _PASSES + k, zone=zone * _PASSES, vehicle=vehicle
+        )
         scenes.append(replace(scene, name=f"sim-{seed}-{zone}-pass-{k:0{width}d}"))
     return scenes
 
 
 def simulate_pass(
-    config: PassConfig, seed: int, *, episode: int = 0, zone: int | None = None
+    config: PassConfig, seed: int, *, episode: int = 0, zone: int | None = None, vehicle: str = ""
 ) -> Scene:
     """Simulate one pass along a work zone, as a vehicle records it.
 
@@ -92,11 +110,15 @@ def simulate_pass(
         Number of the pass in its batch, at least 0.
     zone
         Number of the pass whose road and anchors it drives past; its own by default.
+    vehicle
+        Who drives: passes of one seed by a vehicle of one name share its clock offset, its range
+        bias and its tags. Empty: a vehicle of its own.
 
     Returns
     -------
     Scene
-        With heights, received power, a made-up place on Earth and the truth of everything. An
+        With heights, received power, a made-up place on Earth and the truth of everything; with
+        ``tags``, angles and ranges between cones, where the settings ask for them. An
         anchor that is never near enough is there, without readings.
 
     Raises
@@ -104,43 +126,81 @@ def simulate_pass(
     ConfigError
         If no anchor gives a single reading; or like :func:`set_up`.
     """
-    stream = Source(seed).stream(episode)
+    source = Source(seed)
     setting = set_up(config, seed, episode, zone)
-    ranging, n = setting.config.ranging, len(setting.anchor_m)
-    t_s = _poll_times_s(setting.config, stream("polls"))
-    true_range_m, cut = setting.see(setting.drive.position_m(t_s))
-    streams = RowStreams([stream], setting.anchors)
-    reports = simulate_rows(true_range_m, cut, 1 / ranging.rate_hz, ranging, streams)
-    rssi_dbm, rssi_fp_dbm = received_power(true_range_m, reports.nlos, ranging, stream("power"))
-    anchor, poll = np.nonzero(reports.answered)
-    if not len(anchor):
+    driver = draw_vehicle(setting.config, source, episode, vehicle)
+    ranging = driver.ranging(setting.config.ranging)
+    parts = [
+        _readings(setting, ranging, tag, source.stream(episode, radio=k))
+        for k, tag in enumerate(driver.tags)
+    ]
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    if not len(columns["anchor"]):
         raise ConfigError(
             "the simulated pass has no readings: no anchor answers within max_range_m"
         )
-    order = np.argsort(t_s[anchor, poll], kind="stable")
-    rows = anchor[order], poll[order]
+    tag = np.repeat(np.arange(len(parts)), [len(part["anchor"]) for part in parts])
+    order = np.argsort(columns["t_s"], kind="stable")
+    log, truth = (
+        {name: columns[name][order] for name in names if name in columns}
+        for names in (_MEASURED, _KNOWN)
+    )
+    angles = ranging.azimuth_sigma_deg
     return Scene(
         name=f"sim-{seed}-{episode}",
-        trajectory=_record(setting, stream),
+        trajectory=_record(setting, source.stream(episode)),
         ranges=RangeLog(
-            t_s=t_s[rows] + ranging.clock_offset_s,
-            anchor=rows[0],
-            range_m=np.round(reports.range_m[rows], 6),
-            rssi_dbm=np.round(rssi_dbm[rows], 6),
-            rssi_fp_dbm=np.round(rssi_fp_dbm[rows], 6),
+            **log,
+            tag=tag[order] if config.drive.tags else None,
+            azimuth_sigma_rad=angles and np.full(len(order), np.radians(angles)),
         ),
-        anchor_ids=anchor_ids(n),
+        anchor_ids=anchor_ids(len(setting.anchor_m)),
         anchor_up_m=setting.anchor_up_m,
         frame=PLACE,
         truth=Truth(
             anchor_m=setting.anchor_m,
-            nlos=reports.nlos[rows],
-            range_m=np.round(true_range_m[rows], 6),
             clock_offset_s=ranging.clock_offset_s,
-            outlier=reports.outlier[rows],
-            bias_m=np.round(reports.bias_m[rows], 6),
+            range_m=columns["true_range_m"][order],
+            **truth,
         ),
+        tags=tuple(
+            Tag(f"tag-{k + 1}", tag.forward_m, tag.left_m, tag.up_m)
+            for k, tag in enumerate(config.drive.tags)
+        ),
+        cone_ranges=simulate_cone_ranges(setting, ranging, source, episode),
+        vehicle=vehicle,
     )
+
+
+def _readings(
+    setting: Setting, ranging: SectionRows, tag: MountedTag, stream: Stream
+) -> dict[str, Array]:
+    """Return one tag's readings and their truth, anchor after anchor, each as a column."""
+    t_s = _poll_times_s(setting.config, stream("polls"))
+    antenna_m, heading_rad = tag.antenna_m(setting.drive, t_s)
+    true_range_m, cut = setting.see(antenna_m, tag.up_m)
+    streams = RowStreams([stream], setting.anchors)
+    east_m, north_m = np.moveaxis(setting.anchor_m[:, None] - antenna_m, -1, 0)
+    bearing_rad = np.arctan2(north_m, east_m) - heading_rad
+    own_bias_m = tag.bias_m(bearing_rad)
+    # A held reading repeats the bias of the one before, too.
+    seen_m = true_range_m + own_bias_m
+    reports = simulate_rows(seen_m, cut, 1 / ranging.rate_hz, ranging, streams)
+    rssi_dbm, rssi_fp_dbm = received_power(true_range_m, reports.nlos, ranging, stream("power"))
+    columns = {
+        "t_s": t_s + ranging.clock_offset_s,
+        "range_m": np.round(reports.range_m, 6),
+        "rssi_dbm": np.round(rssi_dbm, 6),
+        "rssi_fp_dbm": np.round(rssi_fp_dbm, 6),
+        "nlos": reports.nlos,
+        "outlier": reports.outlier,
+        "bias_m": np.round(reports.bias_m + own_bias_m, 6),
+        "true_range_m": np.round(true_range_m, 6),
+    }
+    if ranging.azimuth_sigma_deg is not None:
+        columns["azimuth_rad"] = np.round(tag.azimuth_rad(bearing_rad, ranging, stream), 6)
+    anchor, poll = np.nonzero(reports.answered)
+    return {"anchor": anchor, **{name: each[anchor, poll] for name, each in columns.items()}}
 
 
 def simulate_episode(config: PassConfig, seed: int, *, episode: int = 0) -> Episode:

@@ -4,8 +4,8 @@ Where a default imitates a measurement, it is the outdoor UWB data set's: polls 
 0.2 s late, bursts that are nearly all negative, a received power that hardly falls with distance.
 
 >>> from gaia_uwb.simulate import PRESETS
->>> list(PRESETS)
-['lane-closure', 'straight', 'parked', 'naive', 'calibrated', 'stress', 'wild']
+>>> print(", ".join(PRESETS))
+lane-closure, straight, two-tags, angles, cone-ranges, parked, naive, calibrated, stress, wild
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from gaia_uwb.simulate.settings import (
     PassConfig,
     RangingConfig,
     RoadConfig,
+    TagConfig,
 )
 
 __all__ = [
@@ -192,14 +193,22 @@ _WILD = PassConfig(
     },
 )
 
+_STRAIGHT = PassConfig(
+    # On a path this straight, the mirror position of every cone fits as well as its true one.
+    road=RoadConfig(curvature_per_m=0.0),
+    drive=DriveConfig(lane_change=False, sway_m=0.03),
+)
+_TWO_TAGS = _STRAIGHT.drive.model_copy(
+    update={"tags": (TagConfig(left_m=0.8), TagConfig(left_m=-0.8))}
+)
+
 PRESETS = MappingProxyType(
     {
         DEFAULT_PRESET: PassConfig(),
-        # On a path this straight, the mirror position of every cone fits as well as its true one.
-        "straight": PassConfig(
-            road=RoadConfig(curvature_per_m=0.0),
-            drive=DriveConfig(lane_change=False, sway_m=0.03),
-        ),
+        "straight": _STRAIGHT,
+        "two-tags": _STRAIGHT.model_copy(update={"drive": _TWO_TAGS}),
+        "angles": _STRAIGHT.model_copy(update={"ranging": RangingConfig(azimuth_sigma_deg=10.0)}),
+        "cone-ranges": _STRAIGHT.model_copy(update={"ranging": RangingConfig(cone_neighbours=3)}),
         "parked": PassConfig(drive=DriveConfig(speed_mps=0.0, lane_change=False)),
         "naive": _NAIVE,
         "calibrated": load_preset(Path(__file__).with_name("calibrated.yaml")),

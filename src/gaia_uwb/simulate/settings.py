@@ -73,6 +73,14 @@ class ClosureConfig(Settings):
     """Height of a barrier along the work space, between traffic and cones; 0 for none."""
 
 
+class TagConfig(Settings):
+    """Where a tag's antenna is from the vehicle's reference point, in the vehicle's frame."""
+
+    forward_m: float = Field(default=0.0, ge=-50, le=50)
+    left_m: float = Field(default=0.0, ge=-50, le=50)
+    up_m: float = Field(default=0.0, ge=-50, le=50)
+
+
 class DriveConfig(Settings):
     """How the vehicle drives past; halfway through the drive it is at the middle of the zone."""
 
@@ -105,7 +113,15 @@ class DriveConfig(Settings):
     """Distance beyond the end of the zone at which the vehicle turns round, to return on the other
     carriageway; none: no turn."""
     antenna_up_m: float = Field(default=1.6, ge=0, le=5)
-    """Height of the tag's antenna above the road."""
+    """Height of the tag's antenna above the road; of the reference point, if there are ``tags``."""
+    tags: tuple[TagConfig, ...] = Field(default=(), strict=False)
+    """The tags, as a log states their lever arms. None: one tag, whose path is recorded, without
+    delay and pattern."""
+    lever_sigma_m: float = Field(default=0.02, ge=0, le=1)
+    """Standard deviation of what a true lever arm differs from the stated one by, forward and
+    left."""
+    crab_sigma_deg: float = Field(default=1.0, ge=0, le=20)
+    """Standard deviation of the angle between the vehicle's front and its course."""
     position_sigma_m: float = Field(default=0.01, ge=0, le=5)
     """White noise of the recorded positions (RTK-GNSS: about 0.01 m)."""
     position_walk_m: float = Field(default=0.0, ge=0, le=5)
@@ -193,6 +209,24 @@ class RangingConfig(Settings):
 
     clock_offset_s: float = Field(default=0.2, ge=-3600, le=3600)
     """Radio clock minus trajectory clock: how late the timestamps of the readings are."""
+    vehicle_clock_sigma_s: float = Field(default=0.1, ge=0, le=3600)
+    """Standard deviation between the clock offsets of vehicles that have a name."""
+    vehicle_bias_sigma_m: float = Field(default=0.05, ge=0, le=5)
+    """Standard deviation between the range biases of vehicles that have a name."""
+    tag_delay_sigma_m: float = Field(default=0.05, ge=0, le=5)
+    """Standard deviation of what all ranges of one of ``drive.tags`` are too long by."""
+    tag_pattern_sigma_m: float = Field(default=0.03, ge=0, le=5)
+    """Standard deviation of what they depend on the bearing by: of each of two harmonics."""
+    azimuth_sigma_deg: float | None = Field(default=None, gt=0, le=180)
+    """Standard deviation of the angles of arrival in a log; none: the radio gives no angles."""
+    azimuth_bias_sigma_deg: float = Field(default=3.0, ge=0, le=180)
+    """Standard deviation of what all angles of a tag are off by."""
+    azimuth_wild_share: _Share = 0.05
+    """Share of the angles that say nothing: they come from anywhere."""
+    cone_neighbours: int = Field(default=0, ge=0, le=999)
+    """Number of its nearest cones that each cone ranges; 0: cones range none."""
+    cone_rate_hz: float = Field(default=0.5, gt=0, le=100)
+    """Ranges of each pair of them per second."""
     rssi_at_1m_dbm: float = Field(default=-77.0, ge=-200, le=30)
     rssi_per_decade_db: float = Field(default=4.5, ge=0, le=60)
     """Loss of received power for every factor of ten in distance; 20 in free space, less in a

@@ -76,7 +76,7 @@ class Setting:
         return np.repeat(np.arange(len(self.anchors)), self.anchors)
 
     def see(
-        self, tag_m: Float64[Array, "N P 2"]
+        self, tag_m: Float64[Array, "N P 2"], above_m: float = 0.0
     ) -> tuple[Float64[Array, "N P"], Bool[Array, "N P"]]:
         """Return the slant ranges from these places, and which lines of sight obstacles cut.
 
@@ -84,8 +84,10 @@ class Setting:
         ----------
         tag_m : (N, P, 2)
             Places of the tag's antenna for each anchor: east and north, in metres.
+        above_m
+            How far it is above ``drive.antenna_up_m``, in metres.
         """
-        up_m = each(self.config.drive.antenna_up_m, len(self.anchors))[self.passes, None]
+        up_m = each(self.config.drive.antenna_up_m, len(self.anchors))[self.passes, None] + above_m
         gap_m = tag_m - self.anchor_m[:, None]
         up_gap_m = up_m - self.anchor_up_m[:, None]
         range_m = np.sqrt(gap_m[..., 0] ** 2 + gap_m[..., 1] ** 2 + up_gap_m**2)

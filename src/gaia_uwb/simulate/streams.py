@@ -21,8 +21,10 @@ Stream = Callable[[str], np.random.Generator]
 _STREAMS = (
     "zone", "obstacles", "positions", "polls",
     "ranging-uniform", "ranging-normal", "drift", "tails", "power",
+    "vehicle", "azimuth", "wild-azimuth",
 )  # fmt: skip
 _STREAM_NUMBER = {name: number for number, name in enumerate(_STREAMS)}
+_RADIO = 64  # numbers kept for the kinds of each radio of a pass
 _SEEDS = 2**64
 
 
@@ -40,15 +42,17 @@ class Source:
 
     def __init__(self, seed: int) -> None:
         self._seed = seed
-        self._generators: dict[str, tuple[np.random.Generator, dict[str, Any]]] = {}
+        self._generators: dict[int, tuple[np.random.Generator, dict[str, Any]]] = {}
 
-    def stream(self, episode: int) -> Stream:
+    def stream(self, episode: int, *, radio: int = 0) -> Stream:
         """Return what gives a pass its source of randomness of each name.
 
         Parameters
         ----------
         episode
             Number of the pass in its batch.
+        radio
+            Which radio of the pass it is for: 0 for the first tag and for all that is no radio's.
 
         Raises
         ------
@@ -63,9 +67,10 @@ class Source:
         key = np.array([seed, episode], dtype=np.uint64)
 
         def stream(name: str) -> np.random.Generator:
-            if name not in self._generators:
-                self._generators[name] = _new_generator(_STREAM_NUMBER[name])
-            generator, start = self._generators[name]
+            number = _STREAM_NUMBER[name] + _RADIO * radio
+            if number not in self._generators:
+                self._generators[number] = _new_generator(number)
+            generator, start = self._generators[number]
             start["state"]["key"] = key
             generator.bit_generator.state = start
             return generator

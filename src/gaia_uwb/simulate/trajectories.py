@@ -15,6 +15,7 @@ from gaia_uwb.simulate.settings import DriveConfig
 from gaia_uwb.simulate.streams import Stream
 
 _SPEED_PERIOD_S = 17.0  # of traffic slowing down and picking up again
+_COURSE_M = 0.1  # before and after a place, between which the course is that there
 _BRAKING_S = 3.0  # to a stop, and back to speed
 # Wavelengths of the wander in the lane: incommensurable, so that it does not repeat.
 _SWAY_WAVELENGTH_M = np.array([47.0, 71.0, 113.0, 179.0])
@@ -52,8 +53,28 @@ class Drive:
             Time of the trajectory's clock, in seconds; the drive starts at 0. With settings of E
             passes: (E, T).
         """
+        return self._place_m(self._station_m(t_s))
+
+    def course_rad(self, t_s: Float64[Array, "*shape"]) -> Float64[Array, "*shape"]:
+        """Return the direction of travel, also where the vehicle stands.
+
+        Parameters
+        ----------
+        t_s
+            Like :meth:`position_m`.
+
+        Returns
+        -------
+        array
+            Counter-clockwise from east, in radians.
+        """
+        driven_m = self._station_m(t_s)
+        way_m = self._place_m(driven_m + _COURSE_M) - self._place_m(driven_m - _COURSE_M)
+        return np.asarray(np.arctan2(way_m[..., 1], way_m[..., 0]))
+
+    def _place_m(self, driven_m: Float64[Array, "*shape"]) -> Float64[Array, "*shape 2"]:
+        """Return east and north where the vehicle has driven so far."""
         drive = self.config.drive
-        driven_m = self.plan.end_m / 2 + drive.ahead_m + self._driven_m(t_s)
         phase_rad = 2 * np.pi * driven_m[..., None] / _SWAY_WAVELENGTH_M + self.sway_phase_rad
         wave = np.sin(phase_rad).sum(axis=-1) * np.sqrt(2 / len(_SWAY_WAVELENGTH_M))
         along_m, open_m = driven_m, drive.lane_offset_m + drive.sway_m * wave
@@ -70,6 +91,10 @@ class Drive:
             open_m = open_m + self.plan.lane_m(np.minimum(driven_m, turn_m))
             open_m = open_m + radius_m * (1 - np.cos(turned_rad))
         return road_to_local(self.config.road, along_m, open_m)
+
+    def _station_m(self, t_s: Float64[Array, "*shape"]) -> Float64[Array, "*shape"]:
+        """Return how far along its way the vehicle is, from the first cone."""
+        return np.asarray(self.plan.end_m / 2 + self.config.drive.ahead_m + self._driven_m(t_s))
 
     def _driven_m(self, t_s: Float64[Array, "*shape"]) -> Float64[Array, "*shape"]:
         """Return how far the vehicle has driven since the middle of the drive."""

@@ -299,23 +299,17 @@ class KnownFacts:
     def with_surveys(self, hypotheses: Hypotheses) -> Hypotheses:
         """Fuse surveyed positions with the hypotheses that they agree with.
 
+        What a survey says of the errors that all anchors share (a clock offset shifts them all
+        along the road) moves the others with it.
+
         Parameters
         ----------
         hypotheses
             Both places of each anchor, from its ranges alone.
         """
-        if not self.surveyed:
-            return hypotheses
-        position_m = hypotheses.position_m.copy()
-        covariance_m2 = hypotheses.covariance_m2.copy()
         for index, (survey_m, sigma_m) in self.surveyed.items():
-            distance2, _ = _misfit(hypotheses, index, survey_m, sigma_m)
-            for side in np.flatnonzero(distance2 < _CONSISTENT):
-                own = covariance_m2[index, side]
-                gain = own @ np.linalg.inv(own + sigma_m**2 * np.eye(2))
-                position_m[index, side] += gain @ (survey_m - position_m[index, side])
-                covariance_m2[index, side] = own - gain @ own
-        return replace(hypotheses, position_m=position_m, covariance_m2=covariance_m2)
+            hypotheses = _with_survey(hypotheses, index, survey_m, sigma_m)
+        return hypotheses
 
     def with_spacing(
         self, place_m: Float64[Array, "M 2"], own_m2: Float64[Array, "M 2 2"]
@@ -381,6 +375,38 @@ def _misfit(
     off_m = survey_m - hypotheses.position_m[index]
     scaled = np.linalg.solve(covariance_m2, off_m[..., None])[..., 0]
     return (off_m * scaled).sum(axis=1), np.linalg.slogdet(covariance_m2)[1]
+
+
+def _with_survey(
+    hypotheses: Hypotheses, index: int, survey_m: Float64[Array, "2"], sigma_m: float
+) -> Hypotheses:
+    """Return both places of all anchors, given where one of them stands."""
+    distance2, _ = _misfit(hypotheses, index, survey_m, sigma_m)
+    agreeing = distance2 < _CONSISTENT
+    if not agreeing.any():
+        return hypotheses
+    before_m2, shared_m = hypotheses.covariance_m2, hypotheses.shared_m
+    position_m, covariance_m2 = hypotheses.position_m.copy(), before_m2.copy()
+    off_m = survey_m - position_m[index]
+    gain = before_m2[index] @ np.linalg.inv(before_m2[index] + sigma_m**2 * np.eye(2))
+    stays = np.eye(2) - gain
+    if shared_m is not None:
+        own_m = shared_m[index]
+        best = int(np.argmin(distance2))
+        told = own_m[best].T @ np.linalg.inv(before_m2[index, best] + sigma_m**2 * np.eye(2))
+        left = np.linalg.cholesky(np.eye(own_m.shape[-1]) - told @ own_m[best])
+        position_m += shared_m @ (told @ off_m[best])
+        moved_m = shared_m @ left
+        covariance_m2 += moved_m @ np.swapaxes(moved_m, -1, -2)
+        covariance_m2 -= shared_m @ np.swapaxes(shared_m, -1, -2)
+        moved_m[index, agreeing] = (stays @ own_m @ np.linalg.inv(left).T)[agreeing]
+        shared_m = moved_m
+    fused_m = hypotheses.position_m[index] + (gain @ off_m[..., None])[..., 0]
+    position_m[index, agreeing] = fused_m[agreeing]
+    covariance_m2[index, agreeing] = (stays @ before_m2[index])[agreeing]
+    return replace(
+        hypotheses, position_m=position_m, covariance_m2=covariance_m2, shared_m=shared_m
+    )
 
 
 def _distances(

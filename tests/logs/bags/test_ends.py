@@ -4,7 +4,7 @@ from itertools import product
 
 import pytest
 
-from gaia_uwb.logs.bags.ends import EndsError, check_one_tag, choose_anchor
+from gaia_uwb.logs.bags.ends import EndsError, check_one_tag, choose_anchor, choose_tag
 
 
 def seen(*columns: list[str], n: int = 20) -> dict[tuple[str, ...], int]:
@@ -70,3 +70,21 @@ def test_roles_are_told_apart_even_if_every_id_has_one() -> None:
     pairs = {("1", "1"): 9, ("2", "2"): 30}
     with pytest.raises(EndsError, match=r"as of anchors and tags: choose one, where: \{role: 2\}"):
         check_one_tag("id", ["role"], pairs)
+
+
+@pytest.mark.parametrize(
+    ("names", "columns", "tag"),
+    [
+        (("from_id", "to_id"), (ANCHORS, TAGS), "to_id"),
+        (("mac", "tag_id"), (TAGS, TAG), "tag_id"),  # by its name, though the other has more
+        (("from_id", "to_id"), (TAG, TAGS), "to_id"),  # the one that varies
+        (("anchor_id", "to_id"), (TAGS, ANCHORS), None),
+        (("role", "to_id"), (TAGS, ANCHORS), None),
+        (("count", ".id"), (TAGS, TAGS), ".id"),
+        (("id", "tag_ids"), (ANCHORS, ["9"]), "tag_ids"),  # so that the one unknown is named
+    ],
+)
+def test_the_tag_is_a_field_whose_values_are_tags(
+    names: tuple[str, ...], columns: tuple[list[str], ...], tag: str | None
+) -> None:
+    assert choose_tag(names, seen(*columns), set(TAGS).__contains__) == tag

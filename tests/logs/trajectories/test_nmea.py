@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gaia_uwb._shared.errors import InputError
@@ -210,3 +211,42 @@ def test_heights_above_two_surfaces_are_none(tmp_path: Path) -> None:
 def test_logs_without_a_trajectory(tmp_path: Path, line: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         read_nmea(write(tmp_path, line))
+
+
+def hdt(heading: str, mode: str = "T", kind: str = "GPHDT") -> str:
+    return sentence(f"{kind},{heading},{mode}")
+
+
+def test_headings_belong_to_the_sentence_before_them(tmp_path: Path) -> None:
+    """Also where another sentence of the same moment comes first."""
+    path = write(
+        tmp_path,
+        hdt("10.0"),  # before any time
+        gga("120000.00"),
+        hdt("90.5"),
+        hdt("95.0"),
+        rmc("120001.00"),
+        hdt("180", "A", "GNTHS"),
+        gga("120001.00"),
+        gga("120002.00"),
+        hdt("", "T"),
+        gga("120003.00"),
+        hdt("270", "V", "GNTHS"),
+        gga("120004.00"),
+        hdt("0.25", kind="HEHDT"),
+    )
+    table, notes = read_nmea(path)
+    np.testing.assert_array_equal(table["heading_deg"], [90.5, 180.0, np.nan, np.nan, 0.25])
+    assert f"{path.name}: heading of 3 fixes from HDT and THS" in notes
+
+
+def test_headings_of_positions_from_rmc_over_midnight(tmp_path: Path) -> None:
+    lines = [rmc("235959.00"), hdt("1"), rmc("000000.00", date="020126"), hdt("2")]
+    table, _ = read_nmea(write(tmp_path, *lines))
+    assert table["heading_deg"].tolist() == [1.0, 2.0]
+
+
+def test_a_log_without_headings_has_no_column(tmp_path: Path) -> None:
+    table, notes = read_nmea(write(tmp_path, gga(), sentence("GPHDT,"), hdt("400"), hdt("nan")))
+    assert "heading_deg" not in table
+    assert not [note for note in notes if "heading" in note]

@@ -8,6 +8,7 @@ from .ends import (
     EndsError as EndsError,
     check_one_tag as check_one_tag,
     choose_anchor as choose_anchor,
+    choose_tag as choose_tag,
     values_of as values_of,
 )
 from .fields import (

@@ -1,15 +1,17 @@
 """Which end of a range is the anchor: of the ids in a message, by the values that they have.
 
-A drive has one tag and several anchors. So of two fields the one that varies beside one that does
-not is the anchor's; where that does not decide, the user is asked. And once the anchor's field is
-known, no other id may vary on its own: that would be a second tag.
+A drive has several anchors and, if nothing else is said, one tag. So of two fields the one that
+varies beside one that does not is the anchor's; where that does not decide, the user is asked. And
+once the anchor's field is known, no other id may vary on its own: that would be a second tag. Where
+it is said which tags there are, the tag's field is known by its values.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from gaia_uwb.logs.bags.names import end_of, is_role
+from gaia_uwb.logs._tags import WHERE_THEY_ARE, arms_wanted
+from gaia_uwb.logs.bags.names import end_of, end_of_array, is_role
 
 _MOST_TAGS = 200
 _FEW = 10
@@ -67,6 +69,45 @@ def choose_anchor(names: Sequence[str], seen: Seen) -> str:
     )
 
 
+def choose_tag(names: Sequence[str], seen: Seen, is_tag: Callable[[str], bool]) -> str | None:
+    """Return the name of the field that names the tag, where it is known which tags there are.
+
+    Parameters
+    ----------
+    names
+        The fields that may.
+    seen
+        Their values in the log.
+    is_tag
+        Tells whether a value is one of the tags.
+
+    Returns
+    -------
+    str, optional
+        A field all of whose values are tags, or else one that is called after the tag; ``None``
+        if there is none.
+
+    Examples
+    --------
+    >>> tags = {"10", "11"}
+    >>> choose_tag(["to_id", "from_id"], {("10", "0"): 5, ("11", "1"): 5}, tags.__contains__)
+    'to_id'
+    """
+    values = {name: values_of(seen, k) for k, name in enumerate(names)}
+    ends = {name: end_of(_last(name)) or end_of_array(_last(name)) for name in names}
+    able = [name for name in names if ends[name] in {"tag", "either"}]
+    named = [name for name in able if ends[name] == "tag"]
+    fitting = [name for name in able if values[name] and all(map(is_tag, values[name]))]
+    if fitting:
+        return max(fitting, key=lambda name: (name in named, len(values[name])))
+    return named[0] if named else None
+
+
+def _last(name: str) -> str:
+    """Return the last word of a path; a dot stands before a message's own field."""
+    return name.rpartition(".")[2]
+
+
 def check_one_tag(anchor: str, names: Sequence[str], seen: Seen) -> None:
     """Refuse the ranges of several tags, or of anchors and tags together.
 
@@ -98,8 +139,9 @@ def check_one_tag(anchor: str, names: Sequence[str], seen: Seen) -> None:
         if is_role(name) or not _decides(seen, 0, k):
             first = max(values, key=lambda value: values[value])
             of = "anchors and tags" if is_role(name) else f"several tags (the anchor is {anchor})"
+            arms = "" if is_role(name) else f"{WHERE_THEY_ARE}{arms_wanted(first)}, or "
             raise EndsError(
-                f"{name} has several values ({_shown(values)}), as of {of}: "
+                f"{name} has several values ({_shown(values)}), as of {of}: {arms}"
                 f"choose one, where: {{{name}: {first}}}"
             )
 

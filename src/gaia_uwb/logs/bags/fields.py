@@ -65,6 +65,8 @@ class FieldMap(Settings):
     """Received power, in dBm."""
     rssi_fp: str | None = None
     """Received power of the first path, in dBm."""
+    tag: str | None = None
+    """The tag's id, where there are several; a dot in front names the message's own."""
     stamp: str | None = None
     """The message's time, if that is not ``header.stamp``: a ROS time, or seconds."""
 
@@ -76,6 +78,7 @@ class Reading(NamedTuple):
     range_m: float
     rssi_dbm: float
     rssi_fp_dbm: float
+    tag_id: str
 
 
 class FieldError(ValueError):
@@ -112,12 +115,15 @@ class RangeFields:
         Whether ids and ranges are parallel arrays.
     elements, anchor, range_, rssi, rssi_fp
         Getters.
+    tag
+        The field that names the tag.
     wanted, where
         The values that fields must have, and those fields.
     missing
         Numbers that mean "no range", before they are scaled.
     parties
-        Fields that may name an end of the range; not the anchor's, nor one that must have a value.
+        Fields that may name an end of the range; not the anchor's or the tag's, nor one that must
+        have a value.
     """
 
     fields: FieldMap
@@ -127,6 +133,7 @@ class RangeFields:
     range_: Get
     rssi: Get | None
     rssi_fp: Get | None
+    tag: _Part | None
     wanted: Wanted
     where: tuple[_Part, ...]
     missing: tuple[float, ...]
@@ -149,6 +156,8 @@ class RangeFields:
             values = self.range_(part)
             columns = [topic] if self.anchor is None else [self.anchor(part)]
             columns += [None if get is None else get(part) for get in (self.rssi, self.rssi_fp)]
+            tag = self.tag
+            columns.append("" if tag is None else tag.get(part if tag.inner else message))
             others = [each.get(part if each.inner else message) for each in self.parties]
             kept = [each.get(part if each.inner else message) for each in self.where]
             if not self.parallel:
@@ -176,7 +185,7 @@ class RangeFields:
         if self.missing and is_missing(raw, self.missing):
             self.n_missing += 1
             return
-        anchor, rssi, rssi_fp = columns
+        anchor, rssi, rssi_fp, tag = columns
         anchor_id = id_text(anchor)
         self.n_read += 1
         if others and raw > 0:  # an entry without a range may be there to fill an array
@@ -188,6 +197,7 @@ class RangeFields:
             raw * self.fields.scale,
             math.nan if rssi is None else float(rssi),
             math.nan if rssi_fp is None else float(rssi_fp),
+            id_text(tag),
         )
 
 
@@ -247,6 +257,7 @@ def resolve_ranges(
             raise FieldError(f"{path} and {fields.range} must both be arrays or both numbers")
     if fields.anchor == BY_INDEX and not missing:
         missing = (0.0,)
+    tag = None if fields.tag is None else _value_at(types, msgtype, inner, fields.tag, "tag")
     return RangeFields(
         fields=fields,
         parallel=parallel,
@@ -255,13 +266,14 @@ def resolve_ranges(
         range_=getter(fields.range),
         rssi=getter(fields.rssi) if fields.rssi else None,
         rssi_fp=getter(fields.rssi_fp) if fields.rssi_fp else None,
+        tag=tag,
         wanted=wanted,
-        where=tuple(_where(types, msgtype, inner, name) for name in wanted.fields),
+        where=tuple(_value_at(types, msgtype, inner, name, "where") for name in wanted.fields),
         missing=tuple(missing),
         parties=tuple(
             party
             for party in _parties(types, msgtype, inner, fields, parallel=parallel)
-            if party.name not in wanted.fields
+            if party.name not in {*wanted.fields, fields.tag}
         ),
     )
 
@@ -281,8 +293,8 @@ def _parties(
     return tuple(found)
 
 
-def _where(types: Fields, msgtype: str, inner: str, name: str) -> _Part:
-    """Return a field that must have some value: the element's, or else the message's."""
+def _value_at(types: Fields, msgtype: str, inner: str, name: str, what: str) -> _Part:
+    """Return a field with one value: the element's, or else the message's."""
     path, of_element = name.removeprefix("."), not name.startswith(".")
     if of_element and inner != msgtype:
         try:
@@ -290,7 +302,7 @@ def _where(types: Fields, msgtype: str, inner: str, name: str) -> _Part:
         except FieldError:
             of_element = False
     if find_field(types, inner if of_element else msgtype, path)[0] == MESSAGE:
-        raise FieldError(f"where: {path} is a message, not a value")
+        raise FieldError(f"{what}: {path} is a message, not a value")
     return _Part(name, getter(path), inner=of_element)
 
 

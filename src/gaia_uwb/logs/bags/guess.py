@@ -19,6 +19,7 @@ from gaia_uwb.logs.bags.names import (
     SINGLE,
     WHOLE,
     end_of,
+    end_of_array,
     find_range,
     first,
     ids_of,
@@ -76,12 +77,6 @@ def hint_ranges(types: Fields, msgtype: str) -> str:
         fields = f"fields: {{anchor: {BY_INDEX}, range: {range_}}}"
         return f"{range_} has no ids beside it; if the place in it is the id, set {fields}"
     return ""
-
-
-def end_of_array(name: str) -> str | None:
-    """Return which end the ids in an array are of, by its name in the plural."""
-    word = plain(name)
-    return end_of(word.removesuffix("es")) or end_of(word.removesuffix("s"))
 
 
 def _guess_flat(types: Fields, msgtype: str, each: str | None) -> FieldMap | None:

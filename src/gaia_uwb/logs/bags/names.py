@@ -75,6 +75,12 @@ def end_of(name: str) -> End | None:
     return "anchor" if match["anchor"] else "tag" if match["tag"] else "either"
 
 
+def end_of_array(name: str) -> End | None:
+    """Return which end the ids in an array are of, by its name in the plural."""
+    word = plain(name)
+    return end_of(word.removesuffix("es")) or end_of(word.removesuffix("s"))
+
+
 def unit_of(name: str) -> float | None:
     """Return the metres per unit that a range's name ends in; ``None`` if it names none.
 

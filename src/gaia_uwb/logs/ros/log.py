@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from gaia_uwb.logs._lever_arm import TagInput
 from gaia_uwb.logs._logs import LogTable
 from gaia_uwb.logs._selection import Value
 from gaia_uwb.logs.bags import FieldMap, Link
@@ -79,6 +80,7 @@ class RosLog:
         *,
         where: Mapping[str, Value | Sequence[Value]] | None = None,
         missing: Sequence[float] = (),
+        tags: Mapping[str, TagInput] | None = None,
     ) -> LogTable:
         """Read the ranges.
 
@@ -94,17 +96,21 @@ class RosLog:
             Field -> value that it must have, or one of several.
         missing
             Numbers that mean "no range", before they are scaled.
+        tags
+            Tag's id -> where it is on the vehicle, if that is given.
 
         Returns
         -------
         LogTable
-            ``t_s`` in seconds, ``anchor_id``, ``range_m`` in metres, and ``rssi_dbm`` and
-            ``rssi_fp_dbm`` in dBm where the messages have them.
+            ``t_s`` in seconds, ``anchor_id``, ``range_m`` in metres, ``rssi_dbm`` and
+            ``rssi_fp_dbm`` in dBm where the messages have them, and ``tag_id`` where it is given
+            where the tags are.
 
         Raises
         ------
         InputError
             If there is no such topic, more than one, or a message that cannot be read; or if the
-            ranges are of several tags.
+            ranges are of several tags of which it is not given where they are.
         """
-        return read_ranges(self._topics, topic, Wish(fields, clock, dict(where or {}), missing))
+        wish = Wish(fields, clock, dict(where or {}), missing, tags or {})
+        return read_ranges(self._topics, topic, wish)

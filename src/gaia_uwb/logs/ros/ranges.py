@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from operator import itemgetter
 from typing import Any
 
 from gaia_uwb._shared import InputError, counted
+from gaia_uwb.logs._lever_arm import TagInput, tag_of
 from gaia_uwb.logs._logs import LogRows, LogTable, join
-from gaia_uwb.logs._selection import Value, Wanted
+from gaia_uwb.logs._selection import Value, Wanted, as_text
+from gaia_uwb.logs._tags import TagPlaces, several_tags, tags_present
 from gaia_uwb.logs.bags import (
     BY_TOPIC,
     EndsError,
@@ -21,6 +23,7 @@ from gaia_uwb.logs.bags import (
     Reading,
     check_one_tag,
     choose_anchor,
+    choose_tag,
     guess_ranges,
     hint_ranges,
     is_role,
@@ -36,6 +39,7 @@ _LOOK_READINGS = 20_000
 _ANCHOR_ROLE = 1  # of Nooploop's LinkTrack: 0 is a node, 1 an anchor, 2 a tag
 
 Where = Mapping[str, Value | Sequence[Value]]
+Seen = Mapping[tuple[str, ...], int]
 
 
 @dataclass(frozen=True)
@@ -52,12 +56,15 @@ class Wish:
         Field -> value that it must have, or one of several.
     missing
         Numbers that mean "no range", before they are scaled.
+    tags
+        Tag's id -> where it is on the vehicle, if that is given.
     """
 
     fields: FieldMap | None
     clock: Clock
     where: Where
     missing: Sequence[float]
+    tags: Mapping[str, TagInput]
 
 
 def read_ranges(log: Topics, topic: str | None, wish: Wish) -> LogTable:
@@ -118,20 +125,22 @@ class _Ranges:
 
     def read(self) -> LogTable:
         """Return their table."""
-        resolved = self._resolve(self._guess() if self._wish.fields is None else self._wish.fields)
+        fields = self._guess() if self._wish.fields is None else self._wish.fields
+        resolved = self._resolve(self._with_tag_of_where(fields))
         if resolved.parties:
             resolved = self._resolve(self._look(resolved))
         fields, n_no_range = resolved.fields, 0
         powers = [("rssi_dbm", fields.rssi), ("rssi_fp_dbm", fields.rssi_fp)]
         columns = ["range_m", *(column for column, path in powers if path)]
         pick = _picker([1, *(k for k, (_, path) in enumerate(powers, 2) if path)])
-        rows = LogRows(self._log.path, ("t_s", *columns), f"topic {self._name}, message")
+        row_word, tagged = f"topic {self._name}, message", resolved.tag is not None
+        rows = LogRows(self._log.path, ("t_s", *columns), row_word, tagged=tagged)
 
         def add(number: int, message: Any, t_s: float) -> None:
             nonlocal n_no_range
             for reading in resolved.readings(message, self._name):
                 if isfinite(reading.range_m) and reading.anchor_id:
-                    rows.add(number, (t_s, *pick(reading)), reading.anchor_id)
+                    rows.add(number, (t_s, *pick(reading)), reading.anchor_id, reading.tag_id)
                 else:
                     n_no_range += 1
 
@@ -139,9 +148,10 @@ class _Ranges:
         self._log.read(self._topics, times, add)
         if not len(rows):
             raise self._nothing(resolved, times)
-        self._check(resolved)
+        table = rows.table()
+        self._check(resolved, table)
         self._note(resolved, n_no_range)
-        return self._log.timed(rows.table(), times)
+        return self._log.timed(table, times)
 
     def _guess(self) -> FieldMap:
         found = guess_ranges(self._types, self._msgtype)
@@ -159,6 +169,20 @@ class _Ranges:
         except FieldError as error:
             raise self._log.error(self._name, str(error)) from error
 
+    def _is_tag(self, text: str) -> bool:
+        return tag_of(text, self._wish.tags) is not None
+
+    def _with_tag_of_where(self, fields: FieldMap) -> FieldMap:
+        """Return the fields, where the tag's is one that ``where`` chooses by."""
+        if fields.tag is not None or not self._wish.tags:
+            return fields
+        for name, value in self._where.items():
+            values = [value] if isinstance(value, Value) else value
+            seen: Seen = {(as_text(each),): 1 for each in values}
+            if name != fields.anchor and choose_tag([name], seen, self._is_tag):
+                return fields.model_copy(update={"tag": name})
+        return fields
+
     def _look(self, resolved: RangeFields) -> FieldMap:
         """Return the fields, where those of a guess are decided by the ids in the first readings.
 
@@ -171,22 +195,36 @@ class _Ranges:
             return resolved.n_read >= _LOOK_READINGS
 
         self._log.read(self._topics, MessageTimes(self._name, "receive"), add)
-        fields, seen = resolved.fields, resolved.seen
+        fields = resolved.fields
+        seen: Seen = resolved.seen
         names = [fields.anchor, *(party.name for party in resolved.parties)]
         role = next((k for k, name in enumerate(names) if is_role(name)), None)
         if role is not None and "linktrack" in plain(self._msgtype):
             roles = values_of(seen, role)
             if len(roles) > 1 and str(_ANCHOR_ROLE) in roles and names[role] not in self._where:
                 self._where[names[role]] = _ANCHOR_ROLE
-        if self._wish.fields is not None or not seen or fields.anchor.startswith("("):
+        fixed = self._wish.fields is not None or fields.anchor.startswith("(")
+        if self._wish.tags and fields.tag is None:
+            first = 1 if fixed else 0
+            tag = choose_tag(names[first:], _without(seen, range(first)), self._is_tag)
+            if tag is not None:
+                fields = fields.model_copy(update={"tag": tag})
+                seen = _without(seen, [names.index(tag)])
+                names.remove(tag)
+        if fixed or not seen:
             return fields
         try:
             return fields.model_copy(update={"anchor": choose_anchor(names, seen)})
         except EndsError as error:
             raise self._log.error(self._name, f"{error} {HOW}") from error
 
-    def _check(self, resolved: RangeFields) -> None:
-        """Refuse the ranges of several tags."""
+    def _check(self, resolved: RangeFields, table: LogTable) -> None:
+        """Refuse the ranges of several tags of which it is not given where they are."""
+        if resolved.tag is not None and not self._wish.tags:
+            tags = tags_present(table)
+            if len(tags) > 1:
+                problem = several_tags(tags, TagPlaces({}), resolved.tag.name)
+                raise self._log.error(self._name, problem)
         names = [party.name for party in resolved.parties]
         try:
             check_one_tag(resolved.fields.anchor, names, resolved.seen)
@@ -211,6 +249,7 @@ class _Ranges:
         anchor = fields.anchor if fields.anchor.startswith("(") else f"{each}{fields.anchor}"
         taken = f"{self._name}: anchor: {anchor}, range: {each}{fields.range}"
         taken += "" if fields.scale == 1 else f" x {fields.scale:g}"
+        taken += "" if fields.tag is None else f", tag: {fields.tag}"
         for k, party in enumerate(resolved.parties, 1):
             values = list(values_of(resolved.seen, k))
             taken += f", {party.name} is always {values[0][:40]}" if len(values) == 1 else ""
@@ -224,6 +263,15 @@ class _Ranges:
         ):
             if count:
                 self._log.note(f"{self._name}: skipped {counted(count, 'reading')} {what}")
+
+
+def _without(seen: Mapping[tuple[str, ...], int], places: Container[int]) -> Seen:
+    """Return values of ids without those at some places."""
+    kept: dict[tuple[str, ...], int] = {}
+    for key, count in seen.items():
+        rest = tuple(value for place, value in enumerate(key) if place not in places)
+        kept[rest] = kept.get(rest, 0) + count
+    return kept
 
 
 def _picker(places: list[int]) -> Callable[[Reading], tuple[float, ...]]:

@@ -12,6 +12,7 @@ import numpy as np
 from gaia_uwb._shared import counted
 from gaia_uwb.logs._logs import LogRows, LogTable
 from gaia_uwb.logs.bags import Link, Transforms, getter
+from gaia_uwb.logs.ros.attitude import attitude
 from gaia_uwb.logs.ros.times import Clock, MessageTimes, seconds_of
 from gaia_uwb.logs.ros.topics import HOW, Topic, Topics, has_messages
 
@@ -23,6 +24,13 @@ _PLACES = {
     "geometry_msgs/msg/PointStamped": "point",
     "geometry_msgs/msg/TransformStamped": "transform.translation",
 }
+_TURNS = {
+    "nav_msgs/msg/Odometry": "pose.pose.orientation",
+    "geometry_msgs/msg/PoseStamped": "pose.orientation",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose.orientation",
+    "geometry_msgs/msg/TransformStamped": "transform.rotation",
+}
+_TURN = ("qx", "qy", "qz", "qw")
 _TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _STATIC = "_static"
 _ABSURD_M = 1e9
@@ -73,9 +81,12 @@ def _read_positions(log: Topics, topics: Sequence[Topic], clock: Clock) -> LogTa
     name, msgtype = topics[0].channel.topic, topics[0].channel.msgtype
     on_earth = msgtype in _EARTH
     places = ("lat", "lon", "alt_m") if on_earth else ("east_m", "north_m", "up_m")
-    rows = LogRows(log.path, ("t_s", *places), f"topic {name}, message")
+    turns = msgtype in _TURNS
+    columns = ("t_s", *places, *(_TURN if turns else ()))
+    rows = LogRows(log.path, columns, f"topic {name}, message")
     skipped, times = _Skipped(), MessageTimes(name, clock)
     place = None if on_earth else getter(_PLACES[msgtype])
+    turn = getter(_TURNS[msgtype]) if turns else None
 
     def add(number: int, message: Any, t_s: float) -> None:
         values = _fix(message) if place is None else _xyz(place(message))
@@ -83,7 +94,7 @@ def _read_positions(log: Topics, topics: Sequence[Topic], clock: Clock) -> LogTa
             skipped.n_no_fix += 1
             return
         skipped.n_no_height += not isfinite(values[2])
-        rows.add(number, (t_s, *values))
+        rows.add(number, (t_s, *values, *(() if turn is None else _xyzw(turn(message)))))
 
     log.read(topics, times, add)
     log.note(f"trajectory: {name} ({msgtype.split('/')[-1]})")
@@ -92,7 +103,7 @@ def _read_positions(log: Topics, topics: Sequence[Topic], clock: Clock) -> LogTa
             raise log.never_set(name)
         why = "no message has a fix" if skipped.n_no_fix else "there are no messages"
         raise log.error(name, f"contains no positions: {why}")
-    table = rows.table()
+    table = _with_attitude(log, name, rows.table()) if turns else rows.table()
     if skipped.n_no_fix:
         log.note(f"{name}: skipped {counted(skipped.n_no_fix, 'message')} without a fix")
     if skipped.n_no_height:
@@ -101,6 +112,15 @@ def _read_positions(log: Topics, topics: Sequence[Topic], clock: Clock) -> LogTa
         kept = {k: v for k, v in table.columns.items() if k not in {"alt_m", "up_m"}}
         table = replace(table, columns=kept)
     return log.timed(table, times)
+
+
+def _with_attitude(log: Topics, name: str, table: LogTable) -> LogTable:
+    """Return a table with heading, roll and pitch in the place of quaternions."""
+    found = attitude(np.column_stack([table[column] for column in _TURN]))
+    if found:
+        log.note(f"{name}: heading, roll and pitch from the orientation")
+    kept = {key: values for key, values in table.columns.items() if key not in _TURN}
+    return replace(table, columns={**kept, **found})
 
 
 def _read_transforms(
@@ -171,3 +191,7 @@ def _fix(message: Any) -> tuple[float, float, float] | None:
 
 def _xyz(place: Any) -> tuple[float, float, float]:
     return place.x, place.y, place.z
+
+
+def _xyzw(turn: Any) -> tuple[float, float, float, float]:
+    return turn.x, turn.y, turn.z, turn.w

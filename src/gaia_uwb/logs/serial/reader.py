@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from gaia_uwb._shared import InputError, counted, shown
+from gaia_uwb.logs._lever_arm import TagInput
 from gaia_uwb.logs._logs import LogRows, LogTable, read_lines
 from gaia_uwb.logs._selection import Wanted, Where, is_missing
 from gaia_uwb.logs._stamps import StampOptions, Stamps
+from gaia_uwb.logs._tags import WHERE_THEY_ARE, TagPlaces, arms_wanted
 from gaia_uwb.logs.serial.device import Device, SerialReading
 from gaia_uwb.logs.serial.dwm1001 import Dwm1001
 from gaia_uwb.logs.serial.dwm3001 import Dwm3001
@@ -53,6 +55,7 @@ def read_serial(  # each is a key of gaia.yaml
     where: Where | None = None,
     missing: Sequence[float] = (),
     near_s: float | None = None,
+    tags: Mapping[str, TagInput] | None = None,
 ) -> tuple[LogTable, list[str]]:
     """Read the ranges of a tag's serial log.
 
@@ -70,19 +73,22 @@ def read_serial(  # each is a key of gaia.yaml
         Numbers that mean "no range", in the device's unit.
     near_s
         A time of the same drive, in seconds since 1970, for stamps without a date or a year.
+    tags
+        Tag's id -> where it is on the vehicle, if that is given.
 
     Returns
     -------
     LogTable
-        ``t_s`` in seconds, ``anchor_id``, ``range_m`` in metres, and ``rssi_dbm`` in dBm where the
-        device reports it.
+        ``t_s`` in seconds, ``anchor_id``, ``range_m`` in metres, ``rssi_dbm`` in dBm where the
+        device reports it, and ``tag_id`` where its lines name the tag.
     list of str
         Notes: what was taken, and how many lines were left out.
 
     Raises
     ------
     InputError
-        If the file cannot be read or contains no ranges, or those of several tags.
+        If the file cannot be read or contains no ranges, or those of several tags of which it is
+        not given where they are.
     """
     kind = _find_device(path) if device is None else DEVICES[device]
     wanted = Wanted(where or {})
@@ -94,7 +100,7 @@ def read_serial(  # each is a key of gaia.yaml
     rows, count = log.read()
     if not len(rows):
         raise _no_ranges(path, kind, count, log.stamps)
-    if len(count.tags) > 1:
+    if len(count.tags) > 1 and not tags:
         raise InputError(_several_tags(kind, count), source=path)
     log.stamps.check(path)
     notes = [f"{path.name}: {kind.name}, {log.taken}", *_notes(path, count, log.stamps)]
@@ -123,7 +129,8 @@ class _Log:
         self._missing = missing
         self._count = _Count()
         self._last_s: float | None = None
-        self._rows = {raw: LogRows(path, ("t_s", "range_m", "rssi_dbm")) for raw in (False, True)}
+        names, tagged = ("t_s", "range_m", "rssi_dbm"), bool(device.tag_words)
+        self._rows = {raw: LogRows(path, names, tagged=tagged) for raw in (False, True)}
 
     @property
     def taken(self) -> str:
@@ -174,7 +181,7 @@ class _Log:
             count.n_missing += 1
             return
         values = (t_s, reading.value * self._device.metres, reading.rssi_dbm)
-        self._rows[reading.raw].add(number, values, reading.anchor_id)
+        self._rows[reading.raw].add(number, values, reading.anchor_id, reading.tag_id or "")
 
 
 def _find_device(path: Path) -> type[Device]:
@@ -239,7 +246,10 @@ def _several_tags(kind: type[Device], count: _Count) -> str:
     word = kind.tag_words[0]
     tags = ", ".join(f"{tag} ({n:,} readings)" for tag, n in sorted(count.tags.items())[:10])
     first = min(count.tags, key=lambda tag: (-count.tags[tag], tag))
-    return f"has the ranges of several tags, {word} {tags}: choose one, where: {{{word}: {first}}}"
+    return (
+        f"has the ranges of several tags, {word} {tags}: {WHERE_THEY_ARE}{arms_wanted(first)}, "
+        f"or take one by where: {{{word}: {first}}} in {TagPlaces({}).entry}"
+    )
 
 
 def _notes(path: Path, count: _Count, stamps: Stamps) -> list[str]:

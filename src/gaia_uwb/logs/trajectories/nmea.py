@@ -1,5 +1,7 @@
 """NMEA 0183 logs of a GNSS receiver: GGA and GNS sentences give the trajectory, else RMC.
 
+HDT and THS sentences give the vehicle's heading.
+
 They have a time of day only. The date comes from the first RMC sentence with a fix, from ZDA or
 from the options; without one, times are seconds since midnight (UTC). Heights are ellipsoidal: the
 altitude above the geoid plus the geoid separation, both from the sentence.
@@ -23,11 +25,12 @@ from gaia_uwb._shared import Array, InputError, counted, shown
 from gaia_uwb.logs._logs import LogRows, LogTable, read_lines
 from gaia_uwb.logs._stamps import DAY_S, DayClock, StampOptions, Stamps, day_s
 from gaia_uwb.logs.trajectories import fixes
+from gaia_uwb.logs.trajectories.nmea_heading import KINDS, Headings
 
 Checksums = Literal["required", "optional"]
 
 _SENTENCE = re.compile(r"\$([A-Z]{2})([A-Z]{3}),([^*$]{0,200})(?:\*([0-9A-Fa-f]{2}))?$", re.ASCII)
-_KNOWN = re.compile(r"\$G?.?(GGA|GNS|RMC|ZDA)", re.ASCII)
+_KNOWN = re.compile(r"\$(?:G?.?(?:GGA|GNS|RMC|ZDA)|[A-Z]{2}(?:HDT|THS),)", re.ASCII)
 _TIME = re.compile(r"(\d\d)(\d\d)(\d\d(?:\.\d{1,9})?)", re.ASCII)
 _ANGLE = re.compile(r"(\d{2,3})(\d\d(?:\.\d{1,12})?)", re.ASCII)
 _NUMBER = re.compile(r"-?\d{1,7}(?:\.\d{1,9})?", re.ASCII)
@@ -97,7 +100,7 @@ def read_nmea(
     Parameters
     ----------
     path
-        Text file; sentences other than GGA, GNS, RMC and ZDA are ignored.
+        Text file; sentences other than GGA, GNS, RMC, ZDA, HDT and THS are ignored.
     options
         How to read host stamps; ``date`` is the first day of ``gnss`` times.
     clock
@@ -108,8 +111,9 @@ def read_nmea(
     Returns
     -------
     LogTable
-        ``t_s`` in seconds, ``lat`` and ``lon`` in degrees, and ``alt_m`` in metres where all
-        fixes have it. Of several fixes of one moment it is the best.
+        ``t_s`` in seconds, ``lat`` and ``lon`` in degrees, ``alt_m`` in metres where all fixes have
+        it, and ``heading_deg`` where there are headings. Of several fixes of one moment it is the
+        best.
     list of str
         Notes: date, quality of the fixes, sentences that are broken or have no fix.
 
@@ -140,6 +144,12 @@ def read_nmea(
     columns = {"t_s": t_s, "lat": table["lat"], "lon": table["lon"]}
     heights, problem = _heights(table)
     notes += [f"{path.name}: {problem}"] if problem else []
+    heading_deg = reader.headings.at(table["moment_s"])
+    n_headings = int(np.isfinite(heading_deg).sum())
+    if n_headings:
+        columns["heading_deg"] = heading_deg
+        some = counted(n_headings, "fix", "fixes")
+        notes.append(f"{path.name}: heading of {some} from {' and '.join(KINDS)}")
     return replace(table, columns=columns | heights), notes + quality
 
 
@@ -176,11 +186,13 @@ class _Reader:
         self.rows = LogRows(path, _COLUMNS)
         self.bare_rows = LogRows(path, _COLUMNS)
         """Positions of RMC sentences, as long as there are no others."""
+        self.headings = Headings(path)
         self._count = count
         self._stamps = stamps
         self._host = host
         self._checksums: Checksums = checksums
         self._day = DayClock()
+        self._time_of_day_s: float | None = None
         self._fixed = False
         self._dates: dict[str, _Date] = {}
 
@@ -193,6 +205,12 @@ class _Reader:
             self._broken(number, bare=self._checksums == "required" and "*" not in line[start:])
             return
         kind, fields = sentence
+        if kind in KINDS:
+            if self._time_of_day_s is not None:
+                self.headings.add(number, self._day.seconds(self._time_of_day_s), kind, fields)
+            return
+        if kind != "ZDA":
+            self._time_of_day_s = _time_of_day_s(fields[0])
         if kind in {"GGA", "GNS"}:
             self._add(number, kind, fields, line[:start])
         elif kind == "RMC":

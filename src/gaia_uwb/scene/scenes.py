@@ -1,9 +1,9 @@
-"""What a log holds: Trajectory, RangeLog, Truth, and the Scene made of them.
+"""What a log holds: the Scene made of a path and of readings, its LocalFrame and its Truth.
 
-All are frozen and checked when built, so code that receives one need not check it again. Positions
-are (east, north) in metres in the scene's local frame; a :class:`LocalFrame` ties that frame to
-WGS84 where it is known. What is known of the truth (surveyed anchors, NLOS labels, true ranges)
-lives in :class:`Truth`, which only simulators, loaders and scores touch.
+All parts are frozen and checked when built, so code that receives one need not check it again.
+Positions are (east, north) in metres in the scene's local frame; a :class:`LocalFrame` ties that
+frame to WGS84 where it is known. What is known of the truth (surveyed anchors, NLOS labels, true
+ranges) lives in :class:`Truth`, which only simulators, loaders and scores touch.
 
 >>> import numpy as np
 >>> from gaia_uwb.scene import RangeLog, Scene, Trajectory
@@ -29,12 +29,11 @@ from gaia_uwb._shared import (
     check_finite,
     check_heights,
     check_ids,
-    check_increasing,
     check_shape,
     freeze,
 )
-
-_BLOCK = 1 << 20  # readings checked together, which bounds the memory
+from gaia_uwb.scene.readings import ConeRanges, RangeLog
+from gaia_uwb.scene.vehicle import Tag, Trajectory
 
 
 @dataclass(frozen=True)
@@ -66,128 +65,6 @@ class LocalFrame:
                 raise InputError(
                     f"expected a number between {-bound:g} and {bound:g}, got {value}", column=name
                 )
-
-
-@dataclass(frozen=True)
-class Trajectory:
-    """The tag antenna's known path.
-
-    Parameters
-    ----------
-    t_s : (T,)
-        Strictly increasing time of the trajectory's clock, in seconds.
-    position_m : (T, 2)
-        East and north of the tag's antenna, in metres.
-    up_m : (T,), optional
-        Height of the tag's antenna in the local frame, in metres; ``None`` where heights are
-        unknown (then every distance is taken as horizontal).
-
-    Raises
-    ------
-    InputError
-        If shapes disagree, a number is not finite, time does not increase, or there are fewer
-        than 2 samples.
-    """
-
-    t_s: Float64[Array, "T"]
-    position_m: Float64[Array, "T 2"]
-    up_m: Float64[Array, "T"] | None = None
-
-    def __post_init__(self) -> None:
-        t_s = freeze(self, "t_s", self.t_s, np.float64)
-        position = freeze(self, "position_m", self.position_m, np.float64)
-        if t_s.ndim != 1 or len(t_s) < 2:
-            raise InputError(f"expected at least 2 samples, got {t_s.size}", column="t_s")
-        check_shape("position_m", position, (len(t_s), 2))
-        check_finite("t_s", t_s)
-        check_finite("position_m", position)
-        check_increasing("t_s", t_s, strictly=True)
-        if self.up_m is not None:
-            up = freeze(self, "up_m", self.up_m, np.float64)
-            check_shape("up_m", up, t_s.shape)
-            check_finite("up_m", up)
-
-    def __len__(self) -> int:
-        return len(self.t_s)
-
-    @property
-    def position_noise_m(self) -> float:
-        """White noise of the positions along each axis, in metres, by how they bend."""
-        bend_m = np.diff(self.position_m, n=2, axis=0)  # of white noise: 6 times its variance
-        return 1.4826 * float(np.median(np.abs(bend_m))) / np.sqrt(6.0) if len(bend_m) else 0.0
-
-    @property
-    def path_length_m(self) -> float:
-        """Length of the path, in metres."""
-        return float(np.hypot(*np.diff(self.position_m, axis=0).T).sum())
-
-
-@dataclass(frozen=True)
-class RangeLog:
-    """UWB readings in the order of their time: one row per reading.
-
-    Parameters
-    ----------
-    t_s : (R,)
-        Time of each reading in the radio's clock, in seconds, not decreasing.
-    anchor : (R,)
-        Index of the anchor into the scene's ``anchor_ids``.
-    range_m : (R,)
-        Measured slant range, in metres. May be negative: radios report that for a spike.
-    rssi_dbm, rssi_fp_dbm : (R,), optional
-        Received power, and that of the first path, in dBm; NaN where a radio gave none.
-
-    Raises
-    ------
-    InputError
-        If shapes disagree, a time or range is not finite, time decreases, an anchor has two
-        readings at one time, or there are no readings.
-    """
-
-    t_s: Float64[Array, "R"]
-    anchor: Int64[Array, "R"]
-    range_m: Float64[Array, "R"]
-    rssi_dbm: Float64[Array, "R"] | None = None
-    rssi_fp_dbm: Float64[Array, "R"] | None = None
-
-    def __post_init__(self) -> None:
-        t_s = freeze(self, "t_s", self.t_s, np.float64)
-        anchor = freeze(self, "anchor", self.anchor, np.int64)
-        range_m = freeze(self, "range_m", self.range_m, np.float64)
-        if t_s.ndim != 1 or not len(t_s):
-            raise InputError("expected at least one range, got none", column="t_s")
-        for name, array in (("anchor", anchor), ("range_m", range_m)):
-            check_shape(name, array, t_s.shape)
-        check_finite("t_s", t_s)
-        check_finite("range_m", range_m)
-        check_increasing("t_s", t_s, strictly=False)
-        if anchor.min() < 0:
-            raise InputError(f"expected indices from 0, got {anchor.min()}", column="anchor")
-        row = _first_repeat(t_s, anchor)
-        if row is not None:
-            problem = f"anchor {anchor[row]} has two readings at {t_s[row]:.6f} s"
-            raise InputError(problem, row=row + 1, column="t_s")
-        for name in ("rssi_dbm", "rssi_fp_dbm"):
-            if getattr(self, name) is not None:
-                check_shape(name, freeze(self, name, getattr(self, name), np.float64), t_s.shape)
-
-    def __len__(self) -> int:
-        return len(self.t_s)
-
-
-def _first_repeat(t_s: Float64[Array, "R"], anchor: Int64[Array, "R"]) -> int | None:
-    """Return the first row whose anchor was read before at that very time; time is in order."""
-    start = 0
-    while start < len(t_s):
-        last_s = t_s[min(start + _BLOCK, len(t_s)) - 1]
-        stop = int(np.searchsorted(t_s, last_s, side="right"))  # readings of one time stay together
-        time, who = t_s[start:stop], anchor[start:stop]
-        order = np.lexsort((who, time))
-        same = (np.diff(time[order]) == 0) & (np.diff(who[order]) == 0)
-        if same.any():
-            return start + int(order[int(np.argmax(same)) + 1])
-        start = stop
-    return None
 
 
 @dataclass(frozen=True)
@@ -244,7 +121,8 @@ class Scene:
     name
         What to call it in messages and results.
     trajectory, ranges
-        The path of the tag's antenna and the readings.
+        The path of the tag's antenna (of the vehicle's reference point, if there are ``tags``) and
+        the readings.
     anchor_ids
         Unique names of the anchors; ``ranges.anchor`` points into them.
     anchor_up_m : (N,), optional
@@ -259,11 +137,22 @@ class Scene:
     problems
         What the reader found that will spoil a result, a sentence each: no result of this log is
         reliable.
+    tags
+        The tags on the vehicle; ``ranges.tag`` points into them. Empty: one tag, whose antenna is
+        at the trajectory.
+    cone_ranges
+        Ranges among the cones, if there are any.
+
+    drive
+        The drive whose readings of one tag these are; empty where the scene is a whole drive.
+    vehicle
+        Who drove. Drives of one vehicle share radios and clocks; so do those that do not say.
 
     Raises
     ------
     InputError
-        If ids are empty or not unique, a reading points outside them, or shapes disagree.
+        If ids are empty or not unique, a reading points outside them, there are several tags and
+        ``ranges.tag`` does not say which took what, or shapes disagree.
     """
 
     name: str
@@ -275,16 +164,20 @@ class Scene:
     truth: Truth | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
     problems: tuple[str, ...] = ()
+    tags: tuple[Tag, ...] = ()
+    cone_ranges: ConeRanges | None = None
+    drive: str = ""
+    vehicle: str = ""
 
     def __post_init__(self) -> None:
         check_ids(self.anchor_ids, source=self.name)
-        n, last = len(self.anchor_ids), int(self.ranges.anchor.max())
-        if last >= n:
-            raise InputError(
-                f"a reading refers to anchor {last}, but there are {n} anchors, numbered from 0",
-                source=self.name,
-                column="anchor",
-            )
+        n = len(self.anchor_ids)
+        self._check_within("anchor", self.ranges.anchor, n)
+        self._check_tags()
+        if self.cone_ranges is not None:
+            for name in ("anchor_a", "anchor_b"):
+                indices = getattr(self.cone_ranges, name)
+                self._check_within("anchor", indices, n, f"cone_ranges.{name}")
         if self.anchor_up_m is not None:
             up = freeze(self, "anchor_up_m", self.anchor_up_m, np.float64)
             check_heights("anchor_up_m", up, n, source=self.name)
@@ -294,6 +187,28 @@ class Scene:
                 values = getattr(self.truth, name)
                 if values is not None:
                     check_shape(f"truth.{name}", values, (len(self.ranges),), source=self.name)
+
+    def _check_within(
+        self, what: str, indices: Int64[Array, "R"], n: int, column: str | None = None
+    ) -> None:
+        """Refuse an index beyond the ``n`` anchors or tags that there are."""
+        last = int(indices.max())
+        if last >= n:
+            problem = f"a reading refers to {what} {last}, but there are {n} {what}s"
+            problem += ", numbered from 0" if n else ""
+            raise InputError(problem, source=self.name, column=column or what)
+
+    def _check_tags(self) -> None:
+        tag_ids = [tag.tag_id for tag in self.tags]
+        for tag_id in tag_ids:
+            if tag_ids.count(tag_id) > 1:
+                problem = f"tag ids must be unique, got {tag_id!r} twice"
+                raise InputError(problem, source=self.name, column="tag_id")
+        if self.ranges.tag is not None:
+            self._check_within("tag", self.ranges.tag, len(self.tags))
+        elif len(self.tags) > 1:
+            problem = f"there are {len(self.tags)} tags: ranges.tag must say which took what"
+            raise InputError(problem, source=self.name, column="tag")
 
     @property
     def n_anchors(self) -> int:
@@ -314,6 +229,7 @@ class Scene:
             f"{drive.path_length_m:.1f} m long",
             f"{len(log)} readings of {self.n_anchors} cones, "
             f"{'tied to WGS84' if self.frame else 'in local metres'}",
+            *self._facts_of_tags(),
             *self.problems,
             *(f"note: {note}" for note in self.notes),
         ]
@@ -324,3 +240,16 @@ class Scene:
             rows.append([anchor_id, str(len(range_m)), span])
         head = ("cone", "readings", "range (m)")
         return summary(self.name, facts, sketch(drive.position_m), head=head, rows=rows)
+
+    def _facts_of_tags(self) -> list[str]:
+        """Return what a notebook shows of tags and cone-to-cone ranges, where there are any."""
+        facts = []
+        if self.tags:
+            places = (
+                f"{tag.tag_id} ({tag.forward_m:g}, {tag.left_m:g}, {tag.up_m:g})"
+                for tag in self.tags
+            )
+            facts.append(f"tags (m forward, left, up): {', '.join(places)}")
+        if self.cone_ranges is not None:
+            facts.append(f"{len(self.cone_ranges)} ranges between cones")
+        return facts
