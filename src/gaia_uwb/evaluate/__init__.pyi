@@ -1,6 +1,7 @@
 from .advice import Advice as Advice
 from .bootstrap import paired_difference as paired_difference
 from .bounds import cramer_rao_m as cramer_rao_m, wrong_sides_probability as wrong_sides_probability
+from .improvements import Improvement as Improvement, improvements as improvements
 from .limits import (
     Limit as Limit,
     find_limits as find_limits,

@@ -45,6 +45,10 @@ class Advice(StrEnum):
         "Survey one of these cones and state its position (`--known-anchor`); the map shows both "
         "positions."
     )
+    SECOND_TAG = (
+        "Mount a second tag on the vehicle, 1 m or more beside the first: two tags distinguish the "
+        "sides on any road."
+    )
     BOTH_WAYS = (
         "Drive past once in each direction: a clock offset shifts the cones forwards in one "
         "direction and backwards in the other, so it becomes visible."

@@ -184,6 +184,7 @@ def _followed(view: _View) -> frozenset[Advice]:
         Advice.WEAVE: several or _strays(view),
         Advice.STATE_SIDE: prior.side is not None,
         Advice.SURVEY: not surveyed.isdisjoint(open_ids),
+        Advice.SECOND_TAG: len({each.tag for each in view.passes}) > 1,
         Advice.BOTH_WAYS: trusted or _both_ways(view.passes),
         Advice.ONE_CLOCK: trusted,
         Advice.CALIBRATE_VEHICLE: trusted or _is_known(view),
@@ -279,6 +280,7 @@ def _unknown_side(view: _View) -> Iterator[Limit]:
         )
     advice = (
         Advice.SECOND_DRIVE, Advice.OTHER_LANE, Advice.WEAVE, Advice.STATE_SIDE, Advice.SURVEY,
+        Advice.SECOND_TAG,
     )  # fmt: skip
     yield Limit(ReasonKind.AMBIGUOUS, text, advice)
 

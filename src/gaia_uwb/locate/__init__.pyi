@@ -17,6 +17,7 @@ from .passes import (
     with_anchors as with_anchors,
 )
 from .shared_prior import heading_sigma_m as heading_sigma_m, known_clock as known_clock
+from .smooth_path import smooth_path as smooth_path
 from .zone_places import (
     CLOCK_KNOWN as CLOCK_KNOWN,
     ZonePlaces as ZonePlaces,

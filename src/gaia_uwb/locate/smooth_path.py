@@ -21,7 +21,7 @@ _FEWEST = 5  # positions under a parabola
 _MOST_SIGMA = 5.0  # of noise that a position is moved by
 
 
-def smooth_path(path: Trajectory) -> Trajectory:
+def smooth_path(path: Trajectory, half_s: float = _HALF_S) -> Trajectory:
     """Return a path whose positions are averaged over a second.
 
     Parameters
@@ -29,6 +29,8 @@ def smooth_path(path: Trajectory) -> Trajectory:
     path
         Of the tag's antenna. It stays as it is around gaps, where positions come unevenly, and
         where the vehicle moved otherwise than on a parabola, by more than noise explains.
+    half_s
+        Half of that time.
 
     Examples
     --------
@@ -42,7 +44,7 @@ def smooth_path(path: Trajectory) -> Trajectory:
     """
     step_s = np.diff(path.t_s)
     usual_s = float(np.median(step_s))
-    half = round(_HALF_S / usual_s)
+    half = round(half_s / usual_s)
     n = 2 * half + 1
     if n < _FEWEST or len(path) < n:
         return path

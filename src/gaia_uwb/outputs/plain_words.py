@@ -17,6 +17,7 @@ from gaia_uwb.episode import Episode
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, BoundaryStatus, SideSource
 from gaia_uwb.evaluate import (
     Advice,
+    Improvement,
     Limit,
     find_limits,
     limits_of_reasons,
@@ -38,13 +39,15 @@ _STATES = {
 _SMALL_S, _SMALL_M = 0.0005, 0.005  # less than this is not worth a sentence
 
 
-def people_report(reconstruction: Reconstruction) -> str:
+def people_report(reconstruction: Reconstruction, proposed: Sequence[Improvement] = ()) -> str:
     """Return a report in Markdown.
 
     Parameters
     ----------
     reconstruction
         What to report.
+    proposed
+        What could be done would give, from :func:`gaia_uwb.evaluate.improvements`.
 
     Examples
     --------
@@ -66,6 +69,7 @@ def people_report(reconstruction: Reconstruction) -> str:
         *_limits(limits),
         "## How to improve the result",
         *_advice(limits),
+        *_proposed(proposed, len(_located(reconstruction))),
         *_notes(reconstruction),
         "## The cones",
         "\n".join(_table(reconstruction)),
@@ -298,6 +302,33 @@ def _advice(limits: Sequence[Limit]) -> Iterator[str]:
         yield "What could be advised about these limitations was done already."
     else:
         yield "Nothing in this log calls for another drive."
+
+
+def _proposed(proposed: Sequence[Improvement], n_located: int) -> Iterator[str]:
+    """Say in numbers what could be done would give."""
+    if not proposed:
+        return
+    n_cones = proposed[0].n_cones
+    some = "" if n_cones == n_located else f" (for {n_cones} of {n_located} cones)"
+    yield (
+        f"In numbers, computed{some} for this zone and this drive with errors as large as its log "
+        "shows them, the cheapest first:"
+    )
+    rows = [["", "Sides left open", "Located without doubt", "90 % radius (m)"]]
+    rows += [["---", "---:", "---:", "---:"]]
+    rows += [
+        [
+            in_markdown(each.name[:1].upper() + each.name[1:]),
+            f"{each.n_open} of {each.n_cones}",
+            f"{each.n_ok} of {each.n_cones}",
+            f"{each.radius_90_m:.2f}",
+        ]
+        for each in proposed
+    ]
+    yield "\n".join(map(_row, rows))
+    enough = [each for each in proposed[1:] if each.n_ok == n_cones]
+    if enough:
+        yield f"The cheapest that locates all of them: **{in_markdown(enough[0].name)}**."
 
 
 def _notes(reconstruction: Reconstruction) -> Iterator[str]:

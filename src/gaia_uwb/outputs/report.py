@@ -26,7 +26,7 @@ denoised one is usable.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -37,7 +37,7 @@ from gaia_uwb._shared import figure_png, figure_svg
 from gaia_uwb.config import dump_config
 from gaia_uwb.episode import Episode, RangeCalibration, ReadingCounts
 from gaia_uwb.estimate import AnchorFix, Reason
-from gaia_uwb.evaluate import Metric
+from gaia_uwb.evaluate import Improvement, Metric, improvements
 from gaia_uwb.logs import results_folder
 from gaia_uwb.outputs.geojson import Json, boundary_geojson, lon_lat
 from gaia_uwb.outputs.geopackage import geopackage
@@ -75,7 +75,9 @@ UNCERTAINTY_NOTE = (
 
 
 def make_report(
-    reconstruction: Reconstruction, metrics: Mapping[str, Metric] | None = None
+    reconstruction: Reconstruction,
+    metrics: Mapping[str, Metric] | None = None,
+    proposed: Sequence[Improvement] = (),
 ) -> Json:
     """Return the content of ``report.json``.
 
@@ -85,6 +87,8 @@ def make_report(
         What to report.
     metrics
         Scores against a known truth, by name.
+    proposed
+        What could be done would give, from :func:`gaia_uwb.evaluate.improvements`.
 
     Returns
     -------
@@ -127,6 +131,9 @@ def make_report(
             ],
             "uncertainty": _uncertainty(reconstruction.boundary_uncertainty),
         },
+        "improvements": [
+            {**asdict(each), "radius_90_m": _finite(each.radius_90_m)} for each in proposed
+        ],
         "frame": None if episode.frame is None else asdict(episode.frame),
         "uncertainty_note": UNCERTAINTY_NOTE,
         "config": reconstruction.config.model_dump(mode="json"),
@@ -169,7 +176,8 @@ def write_all(
         gaia, or something cannot be written.
     """
     output = results_folder(Path(folder))
-    report = make_report(reconstruction, metrics)
+    proposed = improvements(reconstruction)
+    report = make_report(reconstruction, metrics, proposed)
     page = map_page(reconstruction, boundary_geojson(reconstruction, local=True), report)
     figure = plot_reconstruction(reconstruction)
     plots = {"plot.png": figure_png(figure)}
@@ -187,7 +195,7 @@ def write_all(
         **plots,
         "map.html": page,
         "config.yaml": f"# gaia-uwb {report['version']}\n{dump_config(reconstruction.config)}",
-        "report.md": people_report(reconstruction),
+        "report.md": people_report(reconstruction, proposed),
         REPORT: json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
     }
     output.claim(files)
