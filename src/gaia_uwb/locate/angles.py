@@ -92,14 +92,15 @@ class Angles:
         return cls(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
     def of_cones(self, own: Bool[Array, "N"]) -> Angles:
-        """Return the angles of some cones.
+        """Return the angles of some cones, those of each cone together.
 
         Parameters
         ----------
         own : (N,)
             Which of all.
         """
-        keep = own[self.cone]
+        keep = np.flatnonzero(own[self.cone])
+        keep = keep[np.argsort(self.cone[keep], kind="stable")]
         return Angles(
             self.cone[keep],
             self.tag[keep],
@@ -186,6 +187,9 @@ class _Fit:
         located = np.asarray(np.isfinite(hypotheses.position_m).all(axis=(1, 2)))
         self._front_back = front_back
         self._before, self._located, self._angles = hypotheses, located, angles
+        count = np.bincount(angles.cone, minlength=len(located))
+        last = np.cumsum(count)
+        self._rows = [slice(*ends) for ends in zip(last - count, last, strict=True)]
         n, s = len(located), shared_m.shape[-1]
         # A later clock puts the tag back along its way.
         self._back_m = angles.velocity_mps[:, :, None] * clocks_s[angles.tag, None]
@@ -251,10 +255,9 @@ class _Fit:
         for side in (0, 1):
             left, weight, cost, by = self._linear(side)
             cone = self._angles.cone
-            whole = np.zeros((n, 2 + s, 2 + s))
-            np.add.at(whole, cone, weight[:, None, None] * by[:, :, None] * by[:, None])
-            pull = np.zeros((n, 2 + s))
-            np.add.at(pull, cone, (weight * left)[:, None] * by)
+            weighted = weight[:, None] * by
+            whole = np.stack([weighted[rows].T @ by[rows] for rows in self._rows])
+            pull = np.stack([left[rows] @ weighted[rows] for rows in self._rows])
             loss[:, side] += np.bincount(cone, cost, n)
             off = self._off_m[:, side]
             loss[:, side] += 0.5 * np.einsum("ni,nij,nj->n", off, self._precision[:, side], off)

@@ -118,6 +118,8 @@ def fuse(passes: Sequence[Episode], config: PipelineConfig = PipelineConfig()) -
         The better-fitting place of each anchor comes first.
     """
     together = find_places([passes], config)[0]
+    if len(_by_drive(passes)) < 2:  # tags of one drive: nothing to compare
+        return Fused(together, together.hypotheses, (), 1.0)
     given = [
         replace(episode, run_errors=_for_certain(errors))
         for episode, errors in zip(passes, together.errors, strict=True)
