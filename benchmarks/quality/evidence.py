@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 import _tally
+import recorded_vehicle
 from _drives import HELPERS, Case
 from _peers import Method, Place, Result, ours, results_of
 from gaia_uwb import PipelineConfig, Scene, __version__
@@ -59,6 +60,13 @@ median distance of the nearer of a cone's two places, over all located cones, wh
 shift* the same after the median shift of all cones of a drive is taken out: a clock offset that is off moves all cones
 along the road alike. *Processor* is per drive.
 """  # noqa: E501
+RECORDED = """\
+## Recorded: three tags on a trolley
+
+The public LIAS drives (indoors, 8 surveyed anchors, three tags on one trolley), by
+`python benchmarks/quality/recorded_vehicle.py`: each tag alone, and all as one vehicle whose lever
+arms follow from the three paths.
+"""
 COLUMNS = (
     "evidence", "drives ok", "cones ok", "wrong sides (expected)", "sides open", "median error (m)",
     "90 % of errors below (m)", "90 % ellipse", "nearer place (m)", "but for a shift (m)",
@@ -195,7 +203,11 @@ def _nearer_m(cones: Cones) -> tuple[Float64[Array, "K"], Float64[Array, "K"]]:
 def page(n: int, found: Sequence[tuple[Row, Sequence[Result]]]) -> str:
     """Return the page."""
     table = _tally.table(COLUMNS, (cells(row, each) for row, each in found))
-    return "\n".join([HEAD.format(n=n, n_drives=N_DRIVES), table, "", f"gaia {__version__}.\n"])
+    recorded = recorded_vehicle.table()
+    more = [] if recorded is None else [RECORDED, recorded]
+    return "\n".join(
+        [HEAD.format(n=n, n_drives=N_DRIVES), table, "", *more, f"gaia {__version__}.\n"]
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
