@@ -51,6 +51,20 @@ def test_what_is_shared_moves_all_anchors_alike() -> None:
     assert np.corrcoef(east_m.T)[0, 1] == pytest.approx(4.0 / (4.0 + own_m2), abs=0.01)
 
 
+def test_a_shift_along_the_road_brings_no_cone_nearer_to_it() -> None:
+    found, _ = make_hypotheses(4, odds=60.0, sigma_m=0.05)
+    clock_m = np.zeros((4, 2, 2, 1))
+    clock_m[..., 0, 0] = 4.0
+    covariance_m2 = found.covariance_m2 + clock_m @ np.swapaxes(clock_m, -1, -2)
+    centre_m = found.position_m[:, 0] * [1.0, 0.0]  # ranged from beside each cone
+    found = replace(found, covariance_m2=covariance_m2, shared_m=clock_m, centre_m=centre_m)
+    place_m = sample_scenes(found, decide(found, ALONE).combinations, n_samples=MANY).place_m
+    assert place_m[..., 0].std(axis=0) == pytest.approx(np.full(4, 4.0), rel=0.05)
+    beside_m = place_m[..., 1] - found.position_m[:, 0, 1]
+    assert np.abs(beside_m.mean(axis=0)).max() < 0.02
+    assert beside_m.std(axis=0).max() < 0.1
+
+
 def test_half_of_the_errors_is_common_where_nobody_knows() -> None:
     found, _ = make_hypotheses(4, odds=60.0, sigma_m=0.1)
     place_m = sample_scenes(found, decide(found, ALONE).combinations, n_samples=MANY).place_m

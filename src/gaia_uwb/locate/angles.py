@@ -247,7 +247,7 @@ class _Fit:
 
     def step(self) -> None:
         """Take one step in all unknowns."""
-        n, s = len(self._located), len(self._shared)
+        n = len(self._located)
         total = np.diag(self._prior)
         towards = -self._prior * self._shared
         loss = np.zeros((n, 2))

@@ -6,8 +6,10 @@ the *places*, normally distributed, with errors of two kinds: what all anchors h
 offset, range bias, patterns of tags) moves every anchor in its own direction, but by one and the
 same draw; the rest is each anchor's own.
 
-Each anchor's draws have the covariance that its ``AnchorFix`` tells. The numbers come from a fixed
-seed, half of them mirrored (antithetic), so one log gives one result.
+An anchor's own errors bend along its circle (``honest_errors.py``); what all have in common moves
+them straight: a clock offset shifts cones along the road and brings none nearer to it. Their
+``AnchorFix`` tells a covariance that is bent as a whole, so it is no smaller. The numbers come from
+a fixed seed, half of them mirrored (antithetic), so one log gives one result.
 """
 
 from __future__ import annotations
@@ -94,21 +96,21 @@ class _Combination:
         place_m, mirror_m = (hypotheses.position_m[rows, each] for each in (side, 1 - side))
         covariance_m2 = hypotheses.covariance_m2[rows, side]
         common_m = common_errors_m(hypotheses, rows, side)
+        own_m2 = covariance_m2 - common_m @ np.swapaxes(common_m, -1, -2)
         curves = None
         if hypotheses.centre_m is not None:
-            curves = Curves.of(place_m, mirror_m, covariance_m2, hypotheses.centre_m[rows])
-        own_m = square_root(covariance_m2 - common_m @ np.swapaxes(common_m, -1, -2))
+            curves = Curves.of(place_m, mirror_m, own_m2, hypotheses.centre_m[rows])
+        own_m = square_root(own_m2)
         return cls(place_m, common_m, own_m, curves)
 
     def draw(self, n: int, rng: np.random.Generator) -> Float64[Array, "n M 2"]:
         m, common = len(self.place_m), self.common_m.shape[-1]
         half = rng.standard_normal(((n + 1) // 2, 2 * m + common))
         normal = np.concatenate([half, -half])[:n]
-        own = np.einsum("mij,smj->smi", self.own_m, normal[:, common:].reshape(n, m, 2))
-        offset_m = own + np.einsum("mij,sj->smi", self.common_m, normal[:, :common])
-        if self.curves is None:
-            return np.asarray(self.place_m + offset_m)
-        return self.curves.lay(offset_m)
+        own_m = np.einsum("mij,smj->smi", self.own_m, normal[:, common:].reshape(n, m, 2))
+        common_m = np.einsum("mij,sj->smi", self.common_m, normal[:, :common])
+        place_m = self.place_m + own_m if self.curves is None else self.curves.lay(own_m)
+        return np.asarray(place_m + common_m)
 
 
 def _shares(weight: Float64[Array, "C"], n: int) -> Int64[Array, "C"]:
