@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from gaia_uwb import PipelineConfig, Scene, reconstruct
-from gaia_uwb.config import AlignmentConfig, SolverConfig
-from gaia_uwb.estimate import AnchorStatus
+from gaia_uwb.config import AlignmentConfig, KnownAnchor, PriorConfig, SolverConfig
+from gaia_uwb.estimate import AnchorStatus, ReasonKind
 from gaia_uwb.reconstruction import ReconstructionStatus
 from gaia_uwb.scene import ConeRanges, RangeLog, Tag, Trajectory, Truth
 
@@ -202,3 +202,17 @@ def test_ranges_between_cones_leave_a_mirrored_zone_open() -> None:
     scene = with_cone_ranges(past_cones((Tag("roof"),), seed=8), 8)
     result = reconstruct(scene, TRUSTED)
     assert result.status is not ReconstructionStatus.OK
+
+
+def test_one_surveyed_cone_tells_where_along_a_steady_road_all_stand() -> None:
+    scene = past_cones(LEFT_AND_RIGHT, seed=1)
+    assert scene.truth is not None
+    free = reconstruct(scene)
+    assert ReasonKind.CLOCK in [reason.kind for reason in free.reasons]
+    east_m, north_m = scene.truth.anchor_m[4].tolist()
+    survey = KnownAnchor(anchor_id="c4", east_m=east_m, north_m=north_m, sigma_m=0.05)
+    told = reconstruct(scene, PipelineConfig(prior=PriorConfig(known_anchors=(survey,))))
+    assert told.status is ReconstructionStatus.OK
+    off_m = np.stack([fix.position_m for fix in told.anchors]) - scene.truth.anchor_m
+    assert np.hypot(*off_m.T).max() < 0.3
+    assert max(fix.semi_axes_90_m[0] for fix in told.anchors) < 0.5

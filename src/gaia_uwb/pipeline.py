@@ -263,6 +263,7 @@ def reconstruct_passes(
         *decision.reasons,
         *_reasons(anchors, boundary),
     )
+    reasons = _but_for_surveys(reasons, anchors, config)
     status = ReconstructionStatus.UNRELIABLE if reasons else ReconstructionStatus.OK
     possible = (decision.hypotheses, decision.combinations)
     return Reconstruction(*first, anchors, boundary, status, reasons, config, possible, tuple(more))
@@ -307,6 +308,7 @@ def reconstruct_episodes(
             *decision.reasons,
             *_reasons(anchors, boundary),
         )
+        reasons = _but_for_surveys(reasons, anchors, config)
         status = ReconstructionStatus.UNRELIABLE if reasons else ReconstructionStatus.OK
         possible = (decision.hypotheses, decision.combinations)
         results.append(
@@ -563,6 +565,16 @@ def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> Iterator[Reaso
     elif boundary.status is BoundaryStatus.COLLINEAR or _on_one_line(anchors):
         text = "all located cones are on one line, so the boundary encloses no area"
         yield Reason(ReasonKind.COLLINEAR, text)
+
+
+def _but_for_surveys(
+    reasons: tuple[Reason, ...], anchors: Sequence[AnchorFix], config: PipelineConfig
+) -> tuple[Reason, ...]:
+    """Return the reasons without that of the clock, where surveyed cones tell where all stand."""
+    located = [anchor for anchor in anchors if anchor.status.has_position]
+    if not config.prior.known_anchors or any(x.status is not AnchorStatus.OK for x in located):
+        return reasons
+    return tuple(reason for reason in reasons if reason.kind is not ReasonKind.CLOCK)
 
 
 def _on_one_line(anchors: Sequence[AnchorFix]) -> bool:

@@ -28,7 +28,15 @@ from gaia_uwb._shared import Array, Float64, InputError
 from gaia_uwb.alignment import align
 from gaia_uwb.config import Known, PipelineConfig, TagPrior, VehiclePrior
 from gaia_uwb.episode import ClockOffset, Episode
-from gaia_uwb.locate import Said, find_places, heading_sigma_m, said_of, same_drive
+from gaia_uwb.locate import (
+    Said,
+    ZonePlaces,
+    find_places,
+    heading_sigma_m,
+    said_of,
+    same_drive,
+    shared_prior,
+)
 from gaia_uwb.logs import Vehicle, VehicleTag
 from gaia_uwb.scene import Scene, Tag, tag_scenes
 
@@ -192,7 +200,9 @@ def average(values: Sequence[Known], usual: Known) -> Known:
     )
 
 
-def drive_values(episodes: Sequence[Episode], config: PipelineConfig) -> dict[str, Known]:
+def drive_values(
+    episodes: Sequence[Episode], config: PipelineConfig, places: ZonePlaces | None = None
+) -> dict[str, Known]:
     """Return what drives of one vehicle that were located together say of it, but lever arms.
 
     Parameters
@@ -201,6 +211,9 @@ def drive_values(episodes: Sequence[Episode], config: PipelineConfig) -> dict[st
         With ``errors``: the tags of a drive, or passes of a zone. They count as one drive.
     config
         What was known before: its priors are taken out again.
+    places
+        What was found of these episodes, if of no others. It has the biases of tags together: they
+        differ by much less than each of them is uncertain.
     """
     values: dict[str, Known] = {}
     shared = [e for e in episodes if e.tag is None or not e.tag.own_clock]
@@ -213,11 +226,17 @@ def drive_values(episodes: Sequence[Episode], config: PipelineConfig) -> dict[st
     biases = _biases(episodes, config)
     if not biases:
         return values
-    # Cones' own delays are the same for all tags, so that errors of the mean do not average out.
     value_m, sigma_m = np.array(list(biases.values())).T
-    _add(values, BIAS, float(value_m.mean()), float(sigma_m.mean()))
+    # Cones' own delays are the same for all tags, so that errors of the mean do not average out.
+    bias_m, bias_sigma_m = float(value_m.mean()), float(sigma_m.mean())
     share = np.eye(len(biases)) - 1.0 / len(biases)
-    delays_m, sigmas_m = share @ value_m, np.sqrt(share**2 @ sigma_m**2)
+    covariance_m2 = np.diag(sigma_m**2)
+    together = None if places is None else _biases_together(episodes, config, places)
+    if together is not None and len(value_m) == len(episodes):
+        value_m, covariance_m2 = together
+        bias_m, bias_sigma_m = float(value_m.mean()), float(np.sqrt(covariance_m2.mean()))
+    _add(values, BIAS, bias_m, bias_sigma_m)
+    delays_m, sigmas_m = share @ value_m, np.sqrt(np.diag(share @ covariance_m2 @ share))
     for tag_id, delay_m, own_m in zip(biases, delays_m, sigmas_m, strict=True):
         if tag_id:
             _add(values, _of_tag(tag_id, DELAY), float(delay_m), float(own_m))
@@ -292,6 +311,27 @@ def _biases(episodes: Sequence[Episode], config: PipelineConfig) -> dict[str, tu
     }
 
 
+def _biases_together(
+    episodes: Sequence[Episode], config: PipelineConfig, places: ZonePlaces
+) -> tuple[Float64[Array, "K"], Float64[Array, "K K"]] | None:
+    """Return range biases and their covariance, without what was known of them before."""
+    if places.shared_covariance is None:
+        return None
+    usual, precision = shared_prior(episodes, config)
+    pick = np.zeros((len(episodes), len(usual)))
+    pick[:, 0] = 1.0
+    n_own = (len(usual) - 2) // len(episodes)
+    pick[np.arange(len(episodes)), 3 + n_own * np.arange(len(episodes))] = 1.0
+    mean_m = np.array([errors.mean[[0, 3]].sum() for errors in places.errors])
+    after = np.linalg.inv(pick @ places.shared_covariance @ pick.T)
+    before = np.linalg.inv(pick @ np.linalg.inv(precision) @ pick.T)
+    told = after - before
+    if np.linalg.eigvalsh(told)[0] <= 0.0:
+        return None
+    covariance_m2 = np.linalg.inv(told)
+    return covariance_m2 @ (after @ mean_m - before @ (pick @ usual)), covariance_m2
+
+
 def _located(
     scene: Scene, known: Vehicle | None, levers_unknown: bool, config: PipelineConfig
 ) -> dict[str, Known]:
@@ -320,7 +360,7 @@ def _located(
             break
         scene = replace(scene, tags=tuple(_moved(tag, moves_m) for tag in scene.tags))
     located = [replace(e, errors=x) for e, x in zip(episodes, places.errors, strict=True)]
-    values = drive_values(located, config)
+    values = drive_values(located, config, places)
     if len(episodes) > 1:
         for episode in located:
             values |= _lever_arm(episode, sigmas)

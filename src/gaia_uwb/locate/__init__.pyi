@@ -16,7 +16,11 @@ from .passes import (
     with_anchor_ranges as with_anchor_ranges,
     with_anchors as with_anchors,
 )
-from .shared_prior import heading_sigma_m as heading_sigma_m, known_clock as known_clock
+from .shared_prior import (
+    heading_sigma_m as heading_sigma_m,
+    known_clock as known_clock,
+    shared_prior as shared_prior,
+)
 from .smooth_path import smooth_path as smooth_path
 from .zone_places import (
     CLOCK_KNOWN as CLOCK_KNOWN,

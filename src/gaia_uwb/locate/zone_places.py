@@ -69,6 +69,9 @@ class ZonePlaces:
     contradictions
         Pairs of cones whose own ranges contradict the others, with the measured and the expected
         distance in metres.
+    shared_covariance : (S, S), optional
+        Covariance of what the cones have in common, of all drives together: bias, growth, and the
+        last six numbers of each one's ``errors``; S = 2 + 6 K.
     """
 
     anchor_ids: tuple[str, ...]
@@ -77,6 +80,7 @@ class ZonePlaces:
     outliers: Float64[Array, "N"]
     noise: Float64[Array, "N"]
     contradictions: tuple[tuple[str, str, float, float], ...] = ()
+    shared_covariance: Float64[Array, "S S"] | None = None
 
     @property
     def rough(self) -> bool:
@@ -381,6 +385,7 @@ def _places(
         fit.outliers[:, 0],
         fit.noise[:, 0],
         tuple((ids[a], ids[b], measured, expected) for a, b, measured, expected in contradictions),
+        fit.shared_covariance[0],
     )
 
 
