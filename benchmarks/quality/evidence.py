@@ -200,10 +200,9 @@ def _nearer_m(cones: Cones) -> tuple[Float64[Array, "K"], Float64[Array, "K"]]:
     return np.hypot(*off_m.T), np.hypot(*(off_m - shift_m).T)
 
 
-def page(n: int, found: Sequence[tuple[Row, Sequence[Result]]]) -> str:
-    """Return the page."""
+def page(n: int, found: Sequence[tuple[Row, Sequence[Result]]], recorded: str | None) -> str:
+    """Return the page; with the table of the recorded drives, where they are here."""
     table = _tally.table(COLUMNS, (cells(row, each) for row, each in found))
-    recorded = recorded_vehicle.table()
     more = [] if recorded is None else [RECORDED, recorded]
     return "\n".join(
         [HEAD.format(n=n, n_drives=N_DRIVES), table, "", *more, f"gaia {__version__}.\n"]
@@ -221,7 +220,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--table", type=Path, help="write the page here instead of printing it")
     given = parser.parse_args(arguments)
     rows = [row for row in ROWS if not given.rows or row.name in given.rows]
-    text = page(given.n, [(row, results(row, given.n, given.out)) for row in rows])
+    found = [(row, results(row, given.n, given.out)) for row in rows]
+    text = page(given.n, found, recorded_vehicle.table())
     if given.table is None:
         print(text)
     else:
