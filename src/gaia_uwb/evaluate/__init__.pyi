@@ -1,7 +1,6 @@
 from .advice import Advice as Advice
 from .bootstrap import paired_difference as paired_difference
 from .bounds import cramer_rao_m as cramer_rao_m, wrong_sides_probability as wrong_sides_probability
-from .improvements import Improvement as Improvement, improvements as improvements
 from .limits import (
     Limit as Limit,
     find_limits as find_limits,
@@ -25,3 +24,4 @@ from .scores import (
 )
 from .source_check import check_source as check_source
 from .stressors import STRESSORS as STRESSORS, Stressor as Stressor, stress as stress
+from .what_if import Improvement as Improvement, improvements as improvements
