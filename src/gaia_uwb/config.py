@@ -198,7 +198,7 @@ class TagPrior(Settings):
 
 
 class VehiclePrior(Settings):
-    """What is known of a vehicle before the drive (``shared_prior.py``); nothing by default."""
+    """What is known of a vehicle before the drive (``common_prior.py``); nothing by default."""
 
     clock_offset_s: Known | None = None
     """Radio clock minus trajectory clock."""

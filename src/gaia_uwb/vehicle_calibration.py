@@ -5,7 +5,7 @@ number is its estimate with what was known before taken out again; drives are th
 with its precision, and what was known before counts once. Where drives scatter more than they say,
 the standard error grows by as much.
 
-A lever arm that is wrong is the first harmonic of the tag's pattern (``shared_prior.py``). So it is
+A lever arm that is wrong is the first harmonic of the tag's pattern (``common_prior.py``). So it is
 moved by that, and the drive is located anew, until it rests. Where the antenna seems to be, by its
 ranges, is what comes out: a part of its pattern that looks like a shift is a shift here. The
 heading mostly is the course, and a wrong heading moves all antennas of a vehicle. That stays in

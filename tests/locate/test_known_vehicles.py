@@ -7,7 +7,7 @@ import pytest
 
 from gaia_uwb.config import AlignmentConfig, CalibrationConfig, PipelineConfig, make_config
 from gaia_uwb.episode import ClockOffset
-from gaia_uwb.locate.shared_prior import heading_sigma_m, shared_prior
+from gaia_uwb.locate.common_prior import heading_sigma_m, shared_prior
 from gaia_uwb.locate.zone_places import CLOCK_KNOWN, find_places, with_run_errors
 from gaia_uwb.scene import Tag
 from known_errors import CONES_M, Errors, make_drive, straight, u_turn

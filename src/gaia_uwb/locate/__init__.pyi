@@ -1,3 +1,8 @@
+from .common_prior import (
+    heading_sigma_m as heading_sigma_m,
+    known_clock as known_clock,
+    shared_prior as shared_prior,
+)
 from .fusion import Fused as Fused, fuse as fuse, mark_moved as mark_moved
 from .honest_errors import Curves as Curves, square_root as square_root
 from .hypotheses import Hypotheses as Hypotheses
@@ -16,12 +21,7 @@ from .passes import (
     with_anchor_ranges as with_anchor_ranges,
     with_anchors as with_anchors,
 )
-from .shared_prior import (
-    heading_sigma_m as heading_sigma_m,
-    known_clock as known_clock,
-    shared_prior as shared_prior,
-)
-from .smooth_path import smooth_path as smooth_path
+from .path_noise import smooth_path as smooth_path
 from .zone_places import (
     CLOCK_KNOWN as CLOCK_KNOWN,
     ZonePlaces as ZonePlaces,

@@ -17,7 +17,7 @@ from gaia_uwb._shared import Array, Float64
 from gaia_uwb.config import PipelineConfig, VehiclePrior
 from gaia_uwb.episode import DriveErrors, Episode
 from gaia_uwb.estimate import Reason, ReasonKind
-from gaia_uwb.locate.shared_prior import known_clock, known_of, known_tag, shared_prior
+from gaia_uwb.locate.common_prior import known_clock, known_of, known_tag, shared_prior
 from gaia_uwb.locate.slow_errors import DRIVE, RADIOS
 from gaia_uwb.locate.zone_places import find_places
 

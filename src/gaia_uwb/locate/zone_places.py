@@ -15,14 +15,14 @@ from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import ClockOffset, DriveErrors, Episode, RangeReadings
 from gaia_uwb.locate.angles import Angles, with_angles
+from gaia_uwb.locate.common_prior import known_clock, shared_prior
 from gaia_uwb.locate.cone_ranges import HardlyHeard, Ties, with_cone_ranges
 from gaia_uwb.locate.evidence import VELOCITY_OVER_S, Evidence, Heard, Motion, gather
 from gaia_uwb.locate.honest_errors import path_centres
 from gaia_uwb.locate.hypotheses import Hypotheses
 from gaia_uwb.locate.passes import all_anchors
-from gaia_uwb.locate.shared_prior import known_clock, shared_prior
+from gaia_uwb.locate.path_noise import smooth_path, speed_noise_mps
 from gaia_uwb.locate.slow_errors import DRIVE, RADIOS
-from gaia_uwb.locate.smooth_path import smooth_path, speed_noise_mps
 from gaia_uwb.locate.zone_fit import (
     ALIKE,
     RADIO_SIZES,

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from gaia_uwb.alignment import align
 from gaia_uwb.locate import find_places
+from gaia_uwb.locate.path_noise import smooth_path, speed_noise_mps
 from gaia_uwb.locate.slow_errors import RADIOS
-from gaia_uwb.locate.smooth_path import smooth_path, speed_noise_mps
 from gaia_uwb.scene import Trajectory
 from roads import road_drives
 

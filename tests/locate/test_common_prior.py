@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gaia_uwb.config import AlignmentConfig, PipelineConfig
 from gaia_uwb.episode import ClockOffset, Episode
-from gaia_uwb.locate.shared_prior import shared_prior
+from gaia_uwb.locate.common_prior import shared_prior
 from gaia_uwb.locate.slow_errors import DRIVE, RADIOS
 from gaia_uwb.scene import Tag
 from known_errors import CONES_M, WORKING, make_drive, u_turn
