@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "gaia_uwb"
 TABLE = ROOT / "docs" / "architecture.md"
-MOST_ROWS, MOST_LOOSE_FILES = 14, 14
+MOST_ROWS, MOST_LOOSE_FILES = 15, 14
 
 
 def read_layers() -> dict[str, int]:

@@ -188,6 +188,38 @@ class PriorConfig(Settings):
         return not (self.side or self.closure or self.spacing_m or self.known_anchors)
 
 
+LonLat = Annotated[tuple[float, float], Field(strict=False)]
+"""Longitude and latitude, in degrees."""
+
+
+class BoundaryConfig(Settings):
+    """What is known of the boundary that a driver sees (``roadside``); nothing by default."""
+
+    form: Literal["one-row", "lane-between", "works-between", "area"] | None = None
+    """How the cones of every zone stand, as seen from the road; else it is found."""
+    closed_width_m: float | None = Field(default=None, gt=0, le=100)
+    """How far a zone of one row reaches from its edge away from traffic."""
+    closed_lanes: int | None = Field(default=None, ge=1, le=10)
+    """The same in lanes."""
+    lane_width_m: float = Field(default=3.6, ge=2, le=6)
+    """Width of one lane."""
+    road_edge: tuple[LonLat, ...] = Field(default=(), strict=False)
+    """The same as a line along the road's edge: longitude and latitude of its points, in degrees,
+    as in GeoJSON."""
+
+    @model_validator(mode="after")
+    def _check(self) -> BoundaryConfig:
+        stated = [self.closed_width_m is not None, self.closed_lanes is not None, self.road_edge]
+        if sum(map(bool, stated)) > 1:
+            raise ValueError("expected one of closed_width_m, closed_lanes and road_edge")
+        if len(self.road_edge) == 1:
+            raise ValueError("road_edge: expected at least two points")
+        for lon, lat in self.road_edge:
+            if not (-180 <= lon <= 180 and -90 <= lat <= 90):
+                raise ValueError(f"road_edge: expected longitude, latitude, got {lon:g}, {lat:g}")
+        return self
+
+
 class TagPrior(Settings):
     """What is known of a tag on a vehicle."""
 
@@ -218,6 +250,7 @@ class PipelineConfig(Settings):
     solver: SolverConfig = SolverConfig()
     sides: SidesConfig = SidesConfig()
     prior: PriorConfig = PriorConfig()
+    boundary: BoundaryConfig = BoundaryConfig()
     vehicles: dict[str, VehiclePrior] = Field(default_factory=dict)
     """Vehicle's name -> what is known of it; under ``""`` of logs that name no vehicle."""
 

@@ -1,0 +1,5 @@
+"""The boundary that a driver sees: zones along the road, their edges, and what they close."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
