@@ -21,6 +21,7 @@ from gaia_uwb.estimate import (
     ReasonKind,
 )
 from gaia_uwb.locate import Hypotheses
+from gaia_uwb.roadside import Drive, RoadBoundary, find_zones
 from gaia_uwb.zone import (
     BoundaryUncertainty,
     Combinations,
@@ -87,6 +88,22 @@ class Reconstruction:
         scenes = sample_scenes(*self.possible)
         levels = Levels.of(learned=self.possible[1].learned)
         return boundary_uncertainty(scenes.place_m, scenes.combination, levels)
+
+    @cached_property
+    def road_boundary(self) -> RoadBoundary | None:
+        """What a driver sees of the zone, computed on first use.
+
+        None where possible places are unknown, no anchor was located, or no vehicle moved by 10 m.
+        """
+        if self.possible is None or not len(self.possible[1].located):
+            return None
+        drives = [Drive(each.name, each.t_s, each.position_m) for each, _ in self.passes]
+        place_m = np.full((len(self.anchors), 2), np.nan)
+        located = self.possible[1].located
+        place_m[located] = [self.anchors[k].position_m for k in located]
+        scene_m = sample_scenes(*self.possible).place_m
+        ids = [anchor.anchor_id for anchor in self.anchors]
+        return find_zones(drives, ids, place_m, scene_m, self.config.boundary, self.episode.frame)
 
     @property
     def passes(self) -> tuple[tuple[Episode, DenoisedRanges], ...]:

@@ -1,3 +1,4 @@
+from .along_road import find_zones as find_zones
 from .road_boundary import (
     ClosedArea as ClosedArea,
     DroveThrough as DroveThrough,
@@ -14,3 +15,4 @@ from .road_boundary import (
     ZoneForm as ZoneForm,
 )
 from .road_line import DrivenPath as DrivenPath, RoadLine as RoadLine
+from .runs import Drive as Drive

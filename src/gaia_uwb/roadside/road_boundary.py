@@ -208,6 +208,8 @@ class Edge:
     ----------
     side
         On which side of the driven path it runs.
+    side_probability
+        Probability of that side; the band is given that it is right.
     cones : tuple of K str
         Ids of its cones, upstream to downstream.
     place_m : (K, 2)
@@ -218,6 +220,10 @@ class Edge:
         From the road line, in metres; positive to its left.
     beside_m : (K,)
         From the nearest driven path, in metres: how far beside it each cone stands.
+    lines : tuple of (L, 2)
+        The edge on the ground, one line for each piece between gaps, in metres: through the cones,
+        and between two cones along the road, so that it does not cut a bend. A piece of a single
+        cone is one point.
     band
         Where the edge may run instead.
     gaps
@@ -229,11 +235,13 @@ class Edge:
     """
 
     side: RoadSide
+    side_probability: float
     cones: tuple[str, ...]
     place_m: Float64[Array, "K 2"]
     station_m: Float64[Array, "K"]
     offset_m: Float64[Array, "K"]
     beside_m: Float64[Array, "K"]
+    lines: tuple[Float64[Array, "_ 2"], ...]
     band: EdgeBand
     gaps: tuple[Gap, ...]
     tapers: tuple[Taper, ...]
@@ -299,7 +307,7 @@ class WorkZone:
     Parameters
     ----------
     form
-        The likeliest form, or the one that was stated.
+        The form by the estimated places, or the one that was stated.
     form_probability
         Probability of every form; 1 for a form that was stated.
     cones
@@ -321,7 +329,7 @@ class WorkZone:
         Median speed of the drives along it, in metres per second; NaN where they stood or times
         are unknown.
     drove_through
-        Where a drive led through it with a probability of more than 10 %, else None.
+        Where a drive led through it more likely than not, else None.
     """
 
     form: ZoneForm

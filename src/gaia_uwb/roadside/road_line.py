@@ -15,8 +15,6 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Float64
 
-_CHUNK = 1 << 21  # distances worked on at a time
-
 
 @dataclass(frozen=True)
 class RoadLine:
@@ -64,10 +62,28 @@ class RoadLine:
             Station and offset of the nearest place on the line, in metres; offsets are positive to
             the left. Beyond its ends the line goes on straight.
         """
-        flat_m = place_m.reshape(-1, 2)
-        size = max(1, _CHUNK // len(self.vertex_m))
-        parts = [self._locate(flat_m[k : k + size]) for k in range(0, len(flat_m), size)]
-        return np.concatenate(parts or [flat_m]).reshape(place_m.shape)
+        from shapely import LineString, line_locate_point, points
+
+        station_m = np.asarray(line_locate_point(LineString(self.vertex_m), points(place_m)))
+        row = np.clip(
+            np.searchsorted(self.station_m, station_m, side="right") - 1, 0, len(self.vertex_m) - 2
+        )
+        along, left = self._directions()
+        off_m = place_m - self.vertex_m[row]
+        ahead_m = (off_m * along[row]).sum(axis=-1)
+        beside_m = (off_m * left[row]).sum(axis=-1)
+        before = (row == 0) & (ahead_m < 0)
+        beyond = (row == len(self.vertex_m) - 2) & (station_m >= self.length_m)
+        on_end = before | beyond
+        # At a vertex the nearest place is the vertex itself, however far aside.
+        apart_m = np.hypot(beside_m, ahead_m - (station_m - self.station_m[row]))
+        return np.stack(
+            [
+                np.where(on_end, self.station_m[row] + ahead_m, station_m),
+                np.where(on_end, beside_m, np.copysign(apart_m, beside_m)),
+            ],
+            axis=-1,
+        )
 
     def place(
         self, station_m: Float64[Array, "*shape"], offset_m: Float64[Array, "*shape"]
@@ -97,21 +113,6 @@ class RoadLine:
         along = step_m / np.hypot(*step_m.T)[:, None]
         return along, np.stack([-along[:, 1], along[:, 0]], axis=1)
 
-    def _locate(self, place_m: Float64[Array, "P 2"]) -> Float64[Array, "P 2"]:
-        along, left = self._directions()
-        length_m = np.diff(self.station_m)
-        off_m = place_m[:, None] - self.vertex_m[:-1]  # (P, E, 2)
-        at_m = np.einsum("pei,ei->pe", off_m, along)
-        low_m, high_m = np.zeros_like(length_m), length_m.copy()
-        low_m[0], high_m[-1] = -np.inf, np.inf
-        within_m = np.clip(at_m, low_m, high_m)
-        beside_m = np.einsum("pei,ei->pe", off_m, left)
-        row = np.argmin(beside_m**2 + (at_m - within_m) ** 2, axis=1)
-        each = np.arange(len(place_m))
-        apart_m = np.hypot(beside_m[each, row], (at_m - within_m)[each, row])
-        offset_m = np.copysign(apart_m, beside_m[each, row])
-        return np.stack([self.station_m[row] + within_m[each, row], offset_m], axis=1)
-
 
 @dataclass(frozen=True)
 class DrivenPath:
@@ -123,15 +124,28 @@ class DrivenPath:
         Name of the pass that it is from.
     along
         1 if it was driven in the direction of the line, -1 against it.
+    t_s : (P,)
+        When, in seconds; decreasing where it was driven against the line.
     place_m : (P, 2)
-        East and north in the order of the line, in metres; points where the vehicle hardly moved on
-        are left out.
+        East and north in the order of the line, in metres; smoothed.
     station_m, offset_m : (P,)
-        The same on the line, in metres.
+        The same on the line, in metres; stations increase.
     """
 
     name: str
     along: int
+    t_s: Float64[Array, "P"]
     place_m: Float64[Array, "P 2"]
     station_m: Float64[Array, "P"]
     offset_m: Float64[Array, "P"]
+
+    def offset_at(self, station_m: Float64[Array, "*shape"]) -> Float64[Array, "*shape"]:
+        """Return where it ran across the road; NaN where it did not run.
+
+        Parameters
+        ----------
+        station_m : (...)
+            Along the line, in metres.
+        """
+        offset_m = np.interp(station_m, self.station_m, self.offset_m, left=np.nan, right=np.nan)
+        return np.asarray(offset_m)

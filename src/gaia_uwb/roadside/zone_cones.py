@@ -1,0 +1,226 @@
+"""The cones of one zone on the road: by estimate, and in every possible scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gaia_uwb._shared import Array, Bool, Float64, Int64
+from gaia_uwb.roadside.forms import facing, has_two_rows
+from gaia_uwb.roadside.road_boundary import RoadSide, ZoneEnd, ZoneForm
+from gaia_uwb.roadside.road_line import DrivenPath, RoadLine
+
+PROBABILITY = 0.9
+"""Of all bands, bounds and regions."""
+
+_GRID_M, _MOST_STATIONS = 2.0, 160  # between stations at which edges are told
+
+
+@dataclass(frozen=True)
+class ZoneCones:
+    """The cones of one zone, in the order of the road.
+
+    Parameters
+    ----------
+    ids : tuple of M str
+        Of the cones.
+    place_m : (M, 2)
+        Estimated places: east and north, in metres.
+    station_m, offset_m : (M,)
+        The same on the road, in metres; stations do not decrease.
+    scene_station_m, scene_offset_m : (S, M)
+        In S equally likely scenes, in metres.
+    """
+
+    ids: tuple[str, ...]
+    place_m: Float64[Array, "M 2"]
+    station_m: Float64[Array, "M"]
+    offset_m: Float64[Array, "M"]
+    scene_station_m: Float64[Array, "S M"]
+    scene_offset_m: Float64[Array, "S M"]
+
+    def end(self, row: int) -> ZoneEnd:
+        """Return a cone as an end of something.
+
+        Parameters
+        ----------
+        row
+            Of the cone.
+        """
+        off_m = np.abs(self.scene_station_m[:, row] - self.station_m[row])
+        within_m = float(np.quantile(off_m, PROBABILITY))
+        return ZoneEnd(self.ids[row], float(self.station_m[row]), self.place_m[row], within_m)
+
+    def zone_end(self, *, first: bool) -> ZoneEnd:
+        """Return the first or the last cone; in a scene another one may be the first.
+
+        Parameters
+        ----------
+        first
+            Which of both.
+        """
+        row = 0 if first else len(self.ids) - 1
+        extreme_m = (np.min if first else np.max)(self.scene_station_m, axis=1)
+        within_m = float(np.quantile(np.abs(extreme_m - self.station_m[row]), PROBABILITY))
+        return ZoneEnd(self.ids[row], float(self.station_m[row]), self.place_m[row], within_m)
+
+
+@dataclass(frozen=True)
+class SideCones:
+    """The cones on one side of the road that make an edge, or the far side of a closed area.
+
+    Parameters
+    ----------
+    cones
+        Of the zone.
+    side
+        Of the driven path.
+    rows : (K,)
+        The cones on this side, in the order of the road.
+    scene_rows : (M,)
+        Which cones belong to it in the scenes in which they stand on this side.
+    """
+
+    cones: ZoneCones
+    side: RoadSide
+    rows: Int64[Array, "K"]
+    scene_rows: Bool[Array, "M"]
+
+    @cached_property
+    def grid_m(self) -> Float64[Array, "G"]:
+        """The stations at which lines through these cones are told, in metres."""
+        station_m = self.cones.station_m[self.rows]
+        n = int(np.clip(np.ptp(station_m) / _GRID_M, 1, _MOST_STATIONS))
+        return np.union1d(station_m, np.linspace(station_m[0], station_m[-1], n + 1))
+
+    def line_m(self, grid_m: Float64[Array, "G"]) -> Float64[Array, "G"]:
+        """Return the offsets of the line through the estimated places; level beyond its ends.
+
+        Parameters
+        ----------
+        grid_m : (G,)
+            Stations, in metres.
+        """
+        at_m, offset_m = self.cones.station_m[self.rows], self.cones.offset_m[self.rows]
+        return np.asarray(np.interp(grid_m, at_m, offset_m))
+
+    @cached_property
+    def in_scene(self) -> Bool[Array, "S M"]:
+        """Which cones make the line in each scene."""
+        return np.asarray(self.scene_rows & (self.cones.scene_offset_m * self.side.sign > 0))
+
+    def scene_lines_m(self, grid_m: Float64[Array, "G"]) -> Float64[Array, "S G"]:
+        """Return the offsets of the line in every scene; NaN in a scene without any of its cones.
+
+        Parameters
+        ----------
+        grid_m : (G,)
+            Stations, in metres.
+        """
+        order = np.argsort(self.cones.scene_station_m, axis=1, kind="stable")
+        station_m, offset_m, counted = (
+            np.take_along_axis(each, order, axis=1)
+            for each in (self.cones.scene_station_m, self.cones.scene_offset_m, self.in_scene)
+        )
+        lines_m = np.full((len(station_m), len(grid_m)), np.nan)
+        for k, row in enumerate(counted):
+            if row.any():
+                lines_m[k] = np.interp(grid_m, station_m[k, row], offset_m[k, row])
+        return lines_m
+
+    def scene_ends_m(self) -> tuple[Float64[Array, "S"], Float64[Array, "S"]]:
+        """Return the first and the last station of the line in every scene; NaN without a line."""
+        at_m = np.where(self.in_scene, self.cones.scene_station_m, np.nan)
+        has_line = self.in_scene.any(axis=1)
+        first_m, last_m = np.full(len(at_m), np.nan), np.full(len(at_m), np.nan)
+        first_m[has_line] = np.nanmin(at_m[has_line], axis=1)
+        last_m[has_line] = np.nanmax(at_m[has_line], axis=1)
+        return first_m, last_m
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The cones of a zone on one side: those that face traffic, and those behind them.
+
+    Parameters
+    ----------
+    near
+        The edge.
+    far
+        The others, with the first and the last cone of the edge.
+    """
+
+    near: SideCones
+    far: SideCones
+
+
+def rows_of(cones: ZoneCones, form: ZoneForm) -> tuple[Rows, ...]:
+    """Return the rows on each side of the path that the form has.
+
+    Parameters
+    ----------
+    cones
+        Of the zone.
+    form
+        With all forms but ``lane-between``, only the side with most cones has rows.
+    """
+    is_left = cones.offset_m > 0
+    sides = [RoadSide.LEFT, RoadSide.RIGHT] if 2 * is_left.sum() >= len(is_left) else [
+        RoadSide.RIGHT, RoadSide.LEFT
+    ]  # fmt: skip
+    if form is not ZoneForm.LANE_BETWEEN:
+        sides = sides[:1]
+    return tuple(
+        _rows(cones, side, form)
+        for side in sides
+        if (is_left if side is RoadSide.LEFT else ~is_left).any()
+    )
+
+
+def _rows(cones: ZoneCones, side: RoadSide, form: ZoneForm) -> Rows:
+    rows = np.flatnonzero((cones.offset_m > 0) == (side is RoadSide.LEFT))
+    station_m, distance_m = cones.station_m[rows], np.abs(cones.offset_m[rows])
+    is_near = np.ones(len(rows), dtype=np.bool_)
+    if form in (ZoneForm.WORKS_BETWEEN, ZoneForm.AREA) or (
+        form is ZoneForm.LANE_BETWEEN and has_two_rows(station_m, distance_m)
+    ):
+        is_near = facing(station_m, distance_m)
+    behind = rows[~is_near]
+    near = np.ones(len(cones.ids), dtype=np.bool_)
+    near[behind] = False
+    ends = rows[is_near][[0, -1]]
+    far_rows = np.union1d(behind, ends)
+    far = np.zeros(len(cones.ids), dtype=np.bool_)
+    far[far_rows] = True
+    return Rows(SideCones(cones, side, rows[is_near], near), SideCones(cones, side, far_rows, far))
+
+
+def least_beside_m(
+    paths: Sequence[DrivenPath],
+    station_m: Float64[Array, "*shape"],
+    offset_m: Float64[Array, "*shape"],
+) -> Float64[Array, "*shape"]:
+    """Return how far beside the nearest driven path places are, in metres.
+
+    Parameters
+    ----------
+    paths
+        All runs on this road.
+    station_m, offset_m : (...)
+        On the road, in metres.
+    """
+    nearest_m = np.abs(offset_m)  # the line is one of the paths, and goes on beyond its ends
+    for path in paths:
+        nearest_m = np.fmin(nearest_m, np.abs(offset_m - path.offset_at(station_m)))
+    return np.asarray(nearest_m)
+
+
+def on_ground(
+    line: RoadLine, grid_m: Float64[Array, "G"], offset_m: Float64[Array, "G"]
+) -> Float64[Array, "G 2"]:
+    """Return the places of a line across stations, where offsets are known."""
+    known = np.isfinite(offset_m)
+    return line.place(grid_m[known], offset_m[known])
