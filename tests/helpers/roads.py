@@ -12,6 +12,7 @@ readings at their own times, radio by radio. Times are in seconds, lengths in me
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +92,27 @@ class Road:
         )
 
 
+class Line(Protocol):
+    """A lane's line: places at stations along it and offsets to its left."""
+
+    def place(self, along_m: Numbers, left_m: Numbers | float) -> Numbers:
+        """Return the places (n, 2)."""
+        ...
+
+
+def lanes(kind: str, away_m: float) -> list[tuple[float, int]]:
+    """Return where drives of a kind are beside the first lane, and in which direction they go.
+
+    Direction 0 is out on the first lane and back on another one.
+    """
+    return {
+        "single": [(0.0, 1)],
+        "two lanes": [(0.0, 1), (away_m, 1)],
+        "opposite directions": [(0.0, 1), (2 * away_m, -1)],
+        "u-turn": [(4 * away_m, 0)],
+    }[kind]
+
+
 def road_drives(
     kind: str, seed: int, *, radius_m: float | None = None, radios: Radios = Radios()
 ) -> list[Scene]:
@@ -118,22 +140,16 @@ def road_drives(
     other = np.random.default_rng([20261201, KINDS.index(kind), seed])
     turned_m = radios.cone_pattern_m * other.normal(size=(len(cones), 2))
     start_m, stop_m = along_m[0] - 100.0, along_m[-1] + 100.0
-    lanes = {
-        "single": [(0.0, 1)],
-        "two lanes": [(0.0, 1), (away * LANE_M, 1)],
-        "opposite directions": [(0.0, 1), (away * 2 * LANE_M, -1)],
-        "u-turn": [(away * 4 * LANE_M, 0)],
-    }[kind]
     scenes = []
-    for number, (lane_m, direction) in enumerate(lanes):
-        path = _path(road, start_m, stop_m, lane_m, direction, rng)
+    for number, (lane_m, direction) in enumerate(lanes(kind, away * LANE_M)):
+        path = driven(road, start_m, stop_m, lane_m, direction, rng)
         name = f"road-{kind.replace(' ', '-')}-{seed}-{number}"
         drive = replace(
             radios,
             offset_s=radios.offset_s + radios.clock_spread_s * other.normal(),
         )
         lasting = Lasting(delays_m, turned_m, radios.tag_pattern_m * other.normal(size=4))
-        scenes.append(_drive(name, path, cones, lasting, frame, drive, rng))
+        scenes.append(measured(name, path, cones, lasting, frame, drive, rng))
     return scenes
 
 
@@ -149,8 +165,8 @@ def _cones(rng: np.random.Generator) -> tuple[Numbers, Numbers]:
     return along_m, side * offset_m
 
 
-def _path(
-    road: Road,
+def driven(
+    road: Line,
     start_m: float,
     stop_m: float,
     lane_m: float,
@@ -218,7 +234,7 @@ def _ahead(path: Trajectory, t_s: Numbers) -> Numbers:
     return np.asarray(ends[1] - ends[0])
 
 
-def _drive(
+def measured(
     name: str,
     path: Trajectory,
     cones: Numbers,

@@ -40,12 +40,12 @@ def drove_through(
     between = _changes_side(cones.scene_station_m, cones.scene_offset_m)
     for each in rows:
         between |= _crossed(each, paths)
-    probability = float((over.any(axis=1) | between.any(axis=1)).mean())
+    # That of the likeliest place: places of many cones that are little known add up to nothing.
+    share = (over | between).mean(axis=0)
+    probability = float(share.max())
     if probability <= _LIKELY:
         return None
-    # A cone counts if it was driven over, or past on the way through, as likely as any other.
-    share = (over | between).mean(axis=0)
-    named = np.flatnonzero(share >= 0.5 * share.max())
+    named = np.flatnonzero(share > _LIKELY)
     station_m = cones.station_m[named]
     ids = tuple(cones.ids[k] for k in named)
     return DroveThrough(probability, float(station_m.min()), float(station_m.max()), ids)

@@ -29,14 +29,14 @@ _CLOSED_M = 2.0  # by which a row leads away at both ends to close ground, as le
 _COMPACT = 3.0  # length over width of what is no row
 _OUT_AND_BACK = 3  # steps to another row that no row with two tapers makes
 _OF_A_ROW, _LONG = 3, 0.6  # cones of a row, and its share of the zone's length
-_ZONE_GAP, _ZONE_GAP_M = 10.0, 100.0  # between two zones: usual spacings, and metres
+_ZONE_GAP, _ZONE_GAP_M = 10.0, 200.0  # between two zones: usual spacings, and metres
 _TANGENT = 0.25  # quantile of the distances from the path that a row without its tapers has
 
 
 def split_zones(station_m: Float64[Array, "M"]) -> list[Float64[Array, "_"]]:
     """Return the rows of the cones of every zone, in the order of the road.
 
-    Two zones are further apart than 10 usual spacings of cones, and than 100 m.
+    Two zones are further apart than 10 usual spacings of cones, and than 200 m.
 
     Parameters
     ----------

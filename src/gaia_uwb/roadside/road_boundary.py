@@ -286,12 +286,11 @@ class DroveThrough:
     Parameters
     ----------
     probability
-        That it did.
+        That it did, at the likeliest place.
     from_station_m, to_station_m
-        Along which part of the road line, in metres, by the estimated places, or in most of the
-        possible ones.
+        Between the first and the last of these cones along the road line, in metres.
     cones
-        Ids of the cones that it drove between or over.
+        Ids of the cones that it more likely than not drove over, or past on the way through.
     """
 
     probability: float

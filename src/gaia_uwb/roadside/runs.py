@@ -24,6 +24,7 @@ _TURNING_RAD = math.radians(60.0)
 _SHORTEST_M = 10.0  # of a run that can be the line
 _SIMPLIFY_M = 0.01  # a vertex that changes the line by less is left out
 _ABEAM_M = 5.0  # a cone may stand this far beyond a run's end and was passed still
+_LONGER = 2.0  # along a line than over the ground: it goes round the cones, or comes back to them
 _SHARE_PASSED = 0.9  # of what the best run passes, to be a line as good
 _EVERY = 4  # of a run's points that a driven path tells
 _ALONG = 0.5  # of its length that a run makes along the line, to be on this road
@@ -152,7 +153,10 @@ def _turn(heading_rad: Float64[Array, "P"]) -> int | None:
     turned_rad = np.abs(heading_rad[last] - heading_rad[first])
     if turned_rad.max() < _TURN_RAD:
         return None
-    return int(np.median(np.flatnonzero(turned_rad > turned_rad.max() - math.radians(1.0))))
+    sharpest = int(np.argmax(turned_rad))
+    start, stop = first[sharpest], last[sharpest]
+    halfway_rad = 0.5 * (heading_rad[start] + heading_rad[stop])
+    return int(start + np.argmin(np.abs(heading_rad[start : stop + 1] - halfway_rad)))
 
 
 def road_line(runs: Sequence[Run], place_m: Float64[Array, "M 2"]) -> RoadLine | None:
@@ -173,11 +177,13 @@ def road_line(runs: Sequence[Run], place_m: Float64[Array, "M 2"]) -> RoadLine |
     lines = [run.line() for run in runs if run.length_m >= _SHORTEST_M]
     if not lines:
         return None
+    extent_m = float(np.hypot(*np.ptp(place_m, axis=0)))
     passed, near_m = [], []
     for line in lines:
         station_m, offset_m = line.locate(place_m).T
         is_abeam = (station_m > -_ABEAM_M) & (station_m < line.length_m + _ABEAM_M)
-        passed.append(int(is_abeam.sum()))
+        goes_round = np.ptp(station_m) > _LONGER * extent_m + _ABEAM_M
+        passed.append(0 if goes_round else int(is_abeam.sum()))
         near_m.append(float(np.median(np.abs(offset_m))))
     enough = _SHARE_PASSED * max(passed)
     best = min((near, k) for k, near in enumerate(near_m) if passed[k] >= enough)
