@@ -90,7 +90,7 @@ def find_zones(
     driven = driven_ground([run.place_m for run in whole])
     unlocated = tuple(name for k, name in enumerate(anchor_ids) if k not in set(located.tolist()))
     estimate = line.locate(place_m[located])
-    scenes = line.locate(scene_m)
+    scenes = line.locate_scenes(scene_m)
     width = _width(config, frame)
     zones = []
     for rows in split_zones(estimate[:, 0]):

@@ -3,10 +3,11 @@
 On the straightened road a closed area is one or two *strips*: between two stations, from the edge
 to a far side. So possible scenes are compared station by station:
 
-- **inner region**: at every station the part that all but a few scenes have closed, with as few
-  left out as leave it right *everywhere at once* in 90 % of the scenes;
-- **outer region**: the same for what no scene but a few has closed, for each side on which the
-  cones may stand, together.
+- **inner region**: between the scenes' mean edge and mean far side, less k standard deviations at
+  every station and at both ends, with the least k for which it is closed *everywhere at once* in
+  90 % of the scenes;
+- **outer region**: the same, plus k standard deviations, and for each side on which the cones may
+  stand, so that in 90 % of the scenes nothing is closed outside.
 
 What was driven over is taken out of all three, with half the width of a vehicle on either side: it
 was open when it was driven.
@@ -24,7 +25,7 @@ import numpy as np
 from gaia_uwb._shared import Array, Bool, Float64
 from gaia_uwb.roadside.road_boundary import ClosedArea, RoadSide, WidthSource
 from gaia_uwb.roadside.road_line import RoadLine
-from gaia_uwb.roadside.zone_cones import PROBABILITY, Rows
+from gaia_uwb.roadside.zone_cones import PROBABILITY, Rows, lines_through
 from gaia_uwb.zone import Region
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ VEHICLE_WIDTH_M = 2.0
 """Of any vehicle: its path is open that wide."""
 
 _SIMPLIFY_M, _LEAST_M2, _DRIVEN_M = 0.005, 0.01, 0.05
+_LEAST_SIGMA_M = 1e-6
 _LEAST_SHARE = 0.5 * (1.0 - PROBABILITY)  # of the scenes, for a side to be in the outer region
 
 FarSide = Callable[[Float64[Array, "*shape"], Float64[Array, "*shape"]], Float64[Array, "*shape"]]
@@ -90,7 +92,7 @@ def _densified(line_m: Float64[Array, "E 2"]) -> Float64[Array, "_ 2"]:
 
 @dataclass(frozen=True)
 class _Strip:
-    """What is closed on one side: by estimate, and in every scene; ``away`` grows from traffic.
+    """What is closed on one side in every scene; distances grow away from traffic.
 
     Parameters
     ----------
@@ -98,39 +100,55 @@ class _Strip:
         Of the driven path.
     grid_m : (G,)
         Stations, in metres.
-    near_m, far_m : (G,)
-        By the estimated places, away from the line, in metres.
-    scene_near_m, scene_far_m : (S, G)
-        In the scenes; NaN in those that close nothing on this side.
+    near_m, far_m : (S, G)
+        Distances from the line, in metres; NaN in scenes that close nothing on this side.
     first_m, last_m : (S,)
-        Stations of both ends, in metres.
+        Stations of both ends, in metres; NaN as well.
     """
 
     side: RoadSide
     grid_m: Float64[Array, "G"]
-    near_m: Float64[Array, "G"]
-    far_m: Float64[Array, "G"]
-    scene_near_m: Float64[Array, "S G"]
-    scene_far_m: Float64[Array, "S G"]
+    near_m: Float64[Array, "S G"]
+    far_m: Float64[Array, "S G"]
     first_m: Float64[Array, "S"]
     last_m: Float64[Array, "S"]
 
     @classmethod
-    def of(cls, rows: Rows, side: RoadSide, far_side: FarSide | None) -> _Strip:
-        """Take the cones on one side; the far side is that of the cones behind, or stated."""
-        near, far = rows.near, rows.far
-        first_m, last_m = near.scene_ends_m() if far_side else _both_ends(rows)
-        around_m = [np.nanmin(first_m), np.nanmax(last_m)] if np.isfinite(first_m).any() else []
-        grid_m = np.union1d(np.union1d(near.grid_m, far.grid_m), around_m)
-        near_m, scene_near_m = near.line_m(grid_m), near.scene_lines_m(grid_m)
+    def of(
+        cls,
+        rows: Rows,
+        far_side: FarSide | None,
+        station_m: Float64[Array, "S M"],
+        offset_m: Float64[Array, "S M"],
+    ) -> _Strip:
+        """Take the cones on one side; the far side is stated, or that of the cones behind.
+
+        Where cones enclose the area, both sides begin at the first of all and end at the last.
+        """
+        side = rows.near.side
+        near = rows.near.counted(offset_m)
+        far = rows.behind & (offset_m * side.sign > 0)
+        closing = near if far_side else near | far
+        at_m = np.where(closing, station_m, np.nan)
+        has_any = closing.any(axis=1)
+        first, last = (np.zeros(len(at_m), dtype=np.int64) for _ in range(2))
+        first[has_any] = np.nanargmin(at_m[has_any], axis=1)
+        last[has_any] = np.nanargmax(at_m[has_any], axis=1)
+        each = np.arange(len(at_m))
+        first_m, last_m = at_m[each, first], at_m[each, last]
+        if not far_side:
+            for end in (first, last):
+                near[each[has_any], end[has_any]] = True
+                far[each[has_any], end[has_any]] = True
+        grid_m = np.union1d(rows.near.cones.station_m, rows.near.grid_m)
+        if has_any.any():
+            grid_m = np.union1d(grid_m, [np.nanmin(first_m), np.nanmax(last_m)])
+        near_m = lines_through(station_m, offset_m, near, grid_m)
         if far_side is None:
-            far_m, scene_far_m = far.line_m(grid_m), far.scene_lines_m(grid_m)
+            far_m = lines_through(station_m, offset_m, far, grid_m)
         else:
-            far_m = far_side(grid_m, near_m)
-            scene_far_m = far_side(np.broadcast_to(grid_m, scene_near_m.shape), scene_near_m)
-        sign = side.sign
-        return cls(side, grid_m, sign * near_m, sign * far_m, sign * scene_near_m,
-                   sign * scene_far_m, first_m, last_m)  # fmt: skip
+            far_m = far_side(np.broadcast_to(grid_m, near_m.shape), near_m)
+        return cls(side, grid_m, side.sign * near_m, side.sign * far_m, first_m, last_m)
 
     @cached_property
     def closes(self) -> Bool[Array, "S"]:
@@ -140,23 +158,39 @@ class _Strip:
     def bounds(self) -> tuple[Float64[Array, "S _"], ...]:
         """Return what bounds the strip in every scene; the larger, the less is closed."""
         ends = self.first_m[:, None], -self.last_m[:, None]
-        return self.scene_near_m, -self.scene_far_m, *ends
+        return self.near_m, -self.far_m, *ends
 
-    def worst(self, ranks: Sequence[Float64[Array, "S _"]]) -> Float64[Array, "S"]:
-        """Return the highest rank of each scene that closes something, between its own ends."""
-        near, far, first, last = ranks
+    @cached_property
+    def means(self) -> tuple[Float64[Array, "_"], ...]:
+        """The mean of each of :meth:`bounds` over the scenes that close something."""
+        return tuple(each[self.closes].mean(axis=0) for each in self.bounds())
+
+    @cached_property
+    def sigmas(self) -> tuple[Float64[Array, "_"], ...]:
+        """Their standard deviations."""
+        return tuple(each[self.closes].std(axis=0) for each in self.bounds())
+
+    def worst(self, *, inner: bool) -> Float64[Array, "C"]:
+        """Return by how many standard deviations a region has to give way to suit each scene.
+
+        The inner region gives way to bounds above their means, the outer one to those below,
+        between the ends of each of the C scenes that close something.
+        """
+        sign = 1.0 if inner else -1.0
+        near, far, first, last = (
+            sign * (bound[self.closes] - mean) / np.maximum(sigma, _LEAST_SIGMA_M)
+            for bound, mean, sigma in zip(self.bounds(), self.means, self.sigmas, strict=True)
+        )
         first_m, last_m = (each[self.closes, None] for each in (self.first_m, self.last_m))
         inside = (self.grid_m >= first_m) & (self.grid_m <= last_m)
-        across = np.where(inside, np.maximum(near, far), 0.0).max(axis=1)
+        across = np.where(inside, np.maximum(near, far), -np.inf).max(axis=1)
         return np.asarray(np.maximum(across, np.maximum(first, last)[:, 0]))
 
-    def at_level(self, line: RoadLine, level: float, *, inner: bool) -> Any:
-        """Return the strip that a share of the scenes holds at each of its bounds."""
-        n = np.count_nonzero(self.closes)
-        below = int(np.clip(np.ceil(level * n), 1, n))  # so many scenes a bound is right for
-        row = below - 1 if inner else n - below
+    def giving_way(self, line: RoadLine, factor: float, *, inner: bool) -> Any:
+        """Return the strip whose bounds are so many standard deviations from their means."""
+        by = factor if inner else -factor
         near_m, far_m, first_m, last_m = (
-            np.sort(each[self.closes], axis=0)[row] for each in self.bounds()
+            mean + by * sigma for mean, sigma in zip(self.means, self.sigmas, strict=True)
         )
         return self.polygon(line, near_m, -far_m, float(first_m[0]), float(-last_m[0]))
 
@@ -168,23 +202,22 @@ class _Strip:
         first_m: float,
         last_m: float,
     ) -> Any:
-        """Return the strip between two stations on the ground."""
-        from shapely import Polygon, make_valid
+        """Return the strip between two stations on the ground, where its sides do not cross."""
+        from shapely import Polygon, make_valid, union_all
 
         kept = (self.grid_m > first_m) & (self.grid_m < last_m)
         at_m = np.concatenate([[first_m], self.grid_m[kept], [last_m]])
-        near_m = np.interp(at_m, self.grid_m, near_m)
-        far_m = np.maximum(np.interp(at_m, self.grid_m, far_m), near_m)
-        if last_m <= first_m or not (far_m > near_m).any():
-            return Polygon()
-        sign = self.side.sign
-        there, back = line.place(at_m, sign * near_m), line.place(at_m, sign * far_m)
-        return make_valid(Polygon(np.concatenate([there, back[::-1]])))
-
-
-def _both_ends(rows: Rows) -> tuple[Float64[Array, "S"], Float64[Array, "S"]]:
-    ends = [row.scene_ends_m() for row in (rows.near, rows.far)]
-    return np.fmin(ends[0][0], ends[1][0]), np.fmax(ends[0][1], ends[1][1])
+        near_m, far_m = (np.interp(at_m, self.grid_m, each_m) for each_m in (near_m, far_m))
+        is_open = (far_m >= near_m - _LEAST_SIGMA_M) & (last_m > first_m)
+        ends = np.flatnonzero(np.diff(np.pad(is_open, 1).astype(np.int8)))
+        parts = []
+        for start, stop in ends.reshape(-1, 2):
+            if stop - start > 1:
+                part = slice(start, stop)
+                there = line.place(at_m[part], self.side.sign * near_m[part])
+                back = line.place(at_m[part], self.side.sign * far_m[part])
+                parts.append(make_valid(Polygon(np.concatenate([there, back[::-1]]))))
+        return union_all(parts)
 
 
 def closed_area(
@@ -203,30 +236,37 @@ def closed_area(
     width
         What was stated of one row's width; None where cones enclose the area.
     """
-    strips = [_strip(line, each, each.near.side, width) for each in rows]
-    found = [s.polygon(line, s.near_m, s.far_m, *_estimated_ends(s, rows)) for s in strips]
-    region = region_of(found, driven)
+    region = region_of(_estimated(line, rows, width), driven)
     if region.area_m2 < _LEAST_M2:
         return None
-    others = [] if len(strips) > 1 else [_other_side(line, rows[0], width)]
-    source = WidthSource.CONES if width is None else width.source
+    strips = [_strip(line, each, width) for each in rows]
+    others = [] if len(strips) > 1 else _other_side(line, rows[0], width)
     return ClosedArea(
         region=region,
         inner=region_of(_inner(line, strips), driven),
-        outer=region_of(_outer(line, strips, [s for s in others if s is not None]), driven),
-        width_source=source,
+        outer=region_of(_outer(line, strips, others), driven),
+        width_source=WidthSource.CONES if width is None else width.source,
         width_m=np.nan if width is None else width.width_m,
     )
 
 
-def _strip(line: RoadLine, rows: Rows, side: RoadSide, width: Width | None) -> _Strip:
-    return _Strip.of(rows, side, None if width is None else width.far_side(line, side))
+def _far_side(line: RoadLine, rows: Rows, width: Width | None) -> FarSide | None:
+    return None if width is None else width.far_side(line, rows.near.side)
 
 
-def _estimated_ends(strip: _Strip, rows: Sequence[Rows]) -> tuple[float, float]:
-    row = next(each.near for each in rows if each.near.side is strip.side)
-    at_m = row.cones.station_m[row.rows]
-    return float(at_m[0]), float(at_m[-1])
+def _strip(line: RoadLine, rows: Rows, width: Width | None) -> _Strip:
+    cones, far_side = rows.near.cones, _far_side(line, rows, width)
+    return _Strip.of(rows, far_side, cones.scene_station_m, cones.scene_offset_m)
+
+
+def _estimated(line: RoadLine, rows: Sequence[Rows], width: Width | None) -> list[Any]:
+    found = []
+    for each in rows:
+        cones, far_side = each.near.cones, _far_side(line, each, width)
+        strip = _Strip.of(each, far_side, cones.station_m[None], cones.offset_m[None])
+        ends_m = float(strip.first_m[0]), float(strip.last_m[0])
+        found.append(strip.polygon(line, strip.near_m[0], strip.far_m[0], *ends_m))
+    return found
 
 
 def open_strip(
@@ -242,56 +282,48 @@ def open_strip(
         In metres.
     """
     width = Width(WidthSource.CLOSED_LANES, lane_width_m)
-    strips = [_strip(line, each, each.near.side, width) for each in rows]
-    found = [s.polygon(line, s.near_m, s.far_m, *_estimated_ends(s, rows)) for s in strips]
-    return region_of(found, driven)
+    return region_of(_estimated(line, rows, width), driven)
 
 
-def _other_side(line: RoadLine, rows: Rows, width: Width | None) -> _Strip | None:
-    """Return the same cones across the path; None where they are seldom there."""
+def _other_side(line: RoadLine, rows: Rows, width: Width | None) -> list[_Strip]:
+    """Return the same cones across the path; nothing where they are seldom there."""
     side = RoadSide.RIGHT if rows.near.side is RoadSide.LEFT else RoadSide.LEFT
-    there = Rows(replace(rows.near, side=side), replace(rows.far, side=side))
-    strip = _strip(line, there, side, width)
-    return strip if strip.closes.mean() >= _LEAST_SHARE else None
+    there = Rows(replace(rows.near, side=side), rows.behind)
+    strip = _strip(line, there, width)
+    return [strip] if strip.closes.mean() >= _LEAST_SHARE else []
 
 
 def _inner(line: RoadLine, strips: Sequence[_Strip]) -> list[Any]:
     """Return what all but a few scenes have closed."""
-    score = np.zeros(len(strips[0].first_m))
+    score = np.full(len(strips[0].first_m), -np.inf)
     for strip in strips:
-        bounds = strip.bounds()
         closes = strip.closes
         score[~closes] = np.inf
-        ranks = [_rank(each[closes]) for each in bounds]
-        score[closes] = np.maximum(score[closes], strip.worst(ranks))
-    level = float(np.sort(score)[int(np.ceil(PROBABILITY * len(score))) - 1])
-    if level > 1.0:
+        if closes.any():
+            score[closes] = np.maximum(score[closes], strip.worst(inner=True))
+    factor = _in_most(score)
+    if np.isinf(factor):
         return []
-    return [strip.at_level(line, level, inner=True) for strip in strips]
+    return [strip.giving_way(line, factor, inner=True) for strip in strips]
 
 
 def _outer(line: RoadLine, strips: Sequence[_Strip], others: Sequence[_Strip]) -> list[Any]:
     """Return what no scene but a few has closed."""
-    score = np.zeros(len(strips[0].first_m))
-    known = np.zeros(len(score), dtype=np.bool_)
-    for strip in (*strips, *others):
-        closes = strip.closes
-        known |= closes
-        ranks = [_rank(-each[closes]) for each in strip.bounds()]
-        score[closes] = np.maximum(score[closes], strip.worst(ranks))
-    score[~known] = np.inf  # they close something across the path, where it is unlikely
-    level = float(np.sort(score)[int(np.ceil(PROBABILITY * len(score))) - 1])
-    level = min(level, 1.0)
-    return [strip.at_level(line, level, inner=False) for strip in (*strips, *others)]
+    score = np.full(len(strips[0].first_m), -np.inf)
+    closing = [strip for strip in (*strips, *others) if strip.closes.any()]
+    for strip in closing:
+        score[strip.closes] = np.maximum(score[strip.closes], strip.worst(inner=False))
+    if not closing:
+        return []
+    # Others close something across the path, where that is too unlikely to be shown.
+    is_shown = np.isfinite(score)
+    factor = min(_in_most(np.where(is_shown, score, np.inf)), float(score[is_shown].max()))
+    return [strip.giving_way(line, factor, inner=False) for strip in closing]
 
 
-def _rank(value: Float64[Array, "S G"]) -> Float64[Array, "S G"]:
-    """Return in which share of the scenes each value is not exceeded, column by column."""
-    order = np.argsort(value, axis=0, kind="stable")
-    rank = np.empty(value.shape)
-    share = np.arange(1, len(value) + 1) / max(len(value), 1)
-    np.put_along_axis(rank, order, np.broadcast_to(share[:, None], value.shape), axis=0)
-    return rank
+def _in_most(score: Float64[Array, "S"]) -> float:
+    """Return the least number that is enough for 90 % of the scenes."""
+    return float(np.sort(score)[int(np.ceil(PROBABILITY * len(score))) - 1])
 
 
 def driven_ground(paths_m: Sequence[Float64[Array, "_ 2"]]) -> Geometry:

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Bool, Float64
+from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.roadside.road_boundary import ZoneForm
 
 _STEP_M = 1.2  # across the road: less is no other row, but cones that were put down carelessly
@@ -33,7 +33,7 @@ _ZONE_GAP, _ZONE_GAP_M = 10.0, 200.0  # between two zones: usual spacings, and m
 _TANGENT = 0.25  # quantile of the distances from the path that a row without its tapers has
 
 
-def split_zones(station_m: Float64[Array, "M"]) -> list[Float64[Array, "_"]]:
+def split_zones(station_m: Float64[Array, "M"]) -> list[Int64[Array, "_"]]:
     """Return the rows of the cones of every zone, in the order of the road.
 
     Two zones are further apart than 10 usual spacings of cones, and than 200 m.
@@ -119,8 +119,9 @@ def has_two_rows(station_m: Float64[Array, "M"], left_m: Float64[Array, "M"]) ->
 def facing(station_m: Float64[Array, "M"], distance_m: Float64[Array, "M"]) -> Bool[Array, "M"]:
     """Return which cones face traffic: those nearer to the zone's near side than to its far one.
 
-    Both sides are those of the hull of all cones on the straightened road; the first and the last
-    cone always face traffic.
+    Both sides are those of the hull of all cones on the straightened road. The first and the last
+    cone are on both: they face traffic, unless they stand across the road behind the next cone that
+    does, as the first of a row behind may.
 
     Parameters
     ----------
@@ -134,9 +135,15 @@ def facing(station_m: Float64[Array, "M"], distance_m: Float64[Array, "M"]) -> B
     at_m, from_path_m = station_m[order], distance_m[order]
     near_m = np.interp(at_m, at_m[near], from_path_m[near])
     far_m = np.interp(at_m, at_m[far], from_path_m[far])
+    in_order = from_path_m - near_m <= far_m - from_path_m
+    for end, onwards in ((0, 1), (len(order) - 1, -1)):
+        others = np.flatnonzero(in_order)[::onwards]
+        others = others[others != end]
+        if len(others):
+            aside_m = from_path_m[end] - from_path_m[others[0]]
+            in_order[end] = aside_m <= abs(at_m[end] - at_m[others[0]])
     found = np.empty(len(order), dtype=np.bool_)
-    found[order] = from_path_m - near_m <= far_m - from_path_m
-    found[order[[0, -1]]] = True
+    found[order] = in_order
     return found
 
 

@@ -85,6 +85,38 @@ class RoadLine:
             axis=-1,
         )
 
+    def locate_scenes(self, place_m: Float64[Array, "S M 2"]) -> Float64[Array, "S M 2"]:
+        """Return station and offset of many possible places of each cone, as :meth:`locate` does.
+
+        Only the part of the line near a cone is searched for its places.
+
+        Parameters
+        ----------
+        place_m : (S, M, 2)
+            Of M cones in S scenes: east and north, in metres.
+        """
+        found = np.empty_like(place_m)
+        for k in range(place_m.shape[1]):
+            near, from_m = self._near(place_m[:, k])
+            found[:, k] = near.locate(place_m[:, k])
+            found[:, k, 0] += from_m
+        return found
+
+    def _near(self, place_m: Float64[Array, "S 2"]) -> tuple[RoadLine, float]:
+        """Return the part of the line that holds what is nearest to places, and its station."""
+        middle_m = 0.5 * (place_m.min(axis=0) + place_m.max(axis=0))
+        reach_m = np.hypot(*(place_m - middle_m).T).max()
+        along, _ = self._directions()
+        off_m = middle_m - self.vertex_m[:-1]
+        ahead_m = np.clip((off_m * along).sum(axis=1), 0.0, np.diff(self.station_m))
+        away_m = np.hypot(*(off_m - ahead_m[:, None] * along).T)
+        # The segment nearest to a place is at most so far from the middle of all.
+        rows = np.flatnonzero(away_m <= away_m.min() + 2.0 * reach_m + 1e-6)
+        first, last = max(int(rows[0]) - 1, 0), min(int(rows[-1]) + 2, len(self.vertex_m) - 1)
+        part = slice(first, last + 1)
+        from_m = float(self.station_m[first])
+        return RoadLine(self.vertex_m[part], self.station_m[part] - from_m), from_m
+
     def place(
         self, station_m: Float64[Array, "*shape"], offset_m: Float64[Array, "*shape"]
     ) -> Float64[Array, "*shape 2"]:

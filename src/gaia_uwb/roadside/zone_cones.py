@@ -16,7 +16,7 @@ from gaia_uwb.roadside.road_line import DrivenPath, RoadLine
 PROBABILITY = 0.9
 """Of all bands, bounds and regions."""
 
-_GRID_M, _MOST_STATIONS = 2.0, 160  # between stations at which edges are told
+_GRID_M, _MOST_STATIONS = 2.0, 120  # between stations at which edges are told
 
 
 @dataclass(frozen=True)
@@ -107,10 +107,15 @@ class SideCones:
         at_m, offset_m = self.cones.station_m[self.rows], self.cones.offset_m[self.rows]
         return np.asarray(np.interp(grid_m, at_m, offset_m))
 
-    @cached_property
-    def in_scene(self) -> Bool[Array, "S M"]:
-        """Which cones make the line in each scene."""
-        return np.asarray(self.scene_rows & (self.cones.scene_offset_m * self.side.sign > 0))
+    def counted(self, offset_m: Float64[Array, "S M"]) -> Bool[Array, "S M"]:
+        """Return which cones make the line in each scene.
+
+        Parameters
+        ----------
+        offset_m : (S, M)
+            Of all cones of the zone, in metres.
+        """
+        return np.asarray(self.scene_rows & (offset_m * self.side.sign > 0))
 
     def scene_lines_m(self, grid_m: Float64[Array, "G"]) -> Float64[Array, "S G"]:
         """Return the offsets of the line in every scene; NaN in a scene without any of its cones.
@@ -120,25 +125,36 @@ class SideCones:
         grid_m : (G,)
             Stations, in metres.
         """
-        order = np.argsort(self.cones.scene_station_m, axis=1, kind="stable")
-        station_m, offset_m, counted = (
-            np.take_along_axis(each, order, axis=1)
-            for each in (self.cones.scene_station_m, self.cones.scene_offset_m, self.in_scene)
-        )
-        lines_m = np.full((len(station_m), len(grid_m)), np.nan)
-        for k, row in enumerate(counted):
-            if row.any():
-                lines_m[k] = np.interp(grid_m, station_m[k, row], offset_m[k, row])
-        return lines_m
+        station_m, offset_m = self.cones.scene_station_m, self.cones.scene_offset_m
+        return lines_through(station_m, offset_m, self.counted(offset_m), grid_m)
 
-    def scene_ends_m(self) -> tuple[Float64[Array, "S"], Float64[Array, "S"]]:
-        """Return the first and the last station of the line in every scene; NaN without a line."""
-        at_m = np.where(self.in_scene, self.cones.scene_station_m, np.nan)
-        has_line = self.in_scene.any(axis=1)
-        first_m, last_m = np.full(len(at_m), np.nan), np.full(len(at_m), np.nan)
-        first_m[has_line] = np.nanmin(at_m[has_line], axis=1)
-        last_m[has_line] = np.nanmax(at_m[has_line], axis=1)
-        return first_m, last_m
+
+def lines_through(
+    station_m: Float64[Array, "S M"],
+    offset_m: Float64[Array, "S M"],
+    counted: Bool[Array, "S M"],
+    grid_m: Float64[Array, "G"],
+) -> Float64[Array, "S G"]:
+    """Return the offsets of lines through cones, level beyond their ends; NaN without any cone.
+
+    Parameters
+    ----------
+    station_m, offset_m : (S, M)
+        Of all cones in S scenes, in metres.
+    counted : (S, M)
+        Through which of them each line goes, in the order of the road.
+    grid_m : (G,)
+        Stations, in metres.
+    """
+    order = np.argsort(station_m, axis=1, kind="stable")
+    station_m, offset_m, counted = (
+        np.take_along_axis(each, order, axis=1) for each in (station_m, offset_m, counted)
+    )
+    lines_m = np.full((len(station_m), len(grid_m)), np.nan)
+    for k, row in enumerate(counted):
+        if row.any():
+            lines_m[k] = np.interp(grid_m, station_m[k, row], offset_m[k, row])
+    return lines_m
 
 
 @dataclass(frozen=True)
@@ -149,12 +165,12 @@ class Rows:
     ----------
     near
         The edge.
-    far
-        The others, with the first and the last cone of the edge.
+    behind : (M,)
+        Which of the zone's cones stand behind it.
     """
 
     near: SideCones
-    far: SideCones
+    behind: Bool[Array, "M"]
 
 
 def rows_of(cones: ZoneCones, form: ZoneForm) -> tuple[Rows, ...]:
@@ -188,14 +204,9 @@ def _rows(cones: ZoneCones, side: RoadSide, form: ZoneForm) -> Rows:
         form is ZoneForm.LANE_BETWEEN and has_two_rows(station_m, distance_m)
     ):
         is_near = facing(station_m, distance_m)
-    behind = rows[~is_near]
-    near = np.ones(len(cones.ids), dtype=np.bool_)
-    near[behind] = False
-    ends = rows[is_near][[0, -1]]
-    far_rows = np.union1d(behind, ends)
-    far = np.zeros(len(cones.ids), dtype=np.bool_)
-    far[far_rows] = True
-    return Rows(SideCones(cones, side, rows[is_near], near), SideCones(cones, side, far_rows, far))
+    behind = np.zeros(len(cones.ids), dtype=np.bool_)
+    behind[rows[~is_near]] = True
+    return Rows(SideCones(cones, side, rows[is_near], ~behind), behind)
 
 
 def least_beside_m(
