@@ -120,8 +120,25 @@ def test_a_straight_path_is_unreliable_and_says_so():
     assert result.status is ReconstructionStatus.UNRELIABLE
     assert tuple(map(str, result.reasons)) == (
         "both cones: side ambiguous: the mirror position fits almost as well",
-        "fewer than three cones were located, so there is no boundary",
     )
+
+
+def test_one_cone_has_no_edge_and_two_have() -> None:
+    kinds = {
+        n: {reason.kind for reason in reconstruct(make_scene(CONES[:n]), RAW).reasons}
+        for n in (1, 2)
+    }
+    assert ReasonKind.TOO_FEW_CONES in kinds[1]
+    assert ReasonKind.TOO_FEW_CONES not in kinds[2]
+
+
+def test_cones_in_a_row_are_no_reason_for_doubt() -> None:
+    row_m = np.stack([np.linspace(10.0, 50.0, 5), np.full(5, 4.0)], axis=1)
+    result = reconstruct(make_scene(row_m), RAW)
+    assert ReasonKind.COLLINEAR not in {reason.kind for reason in result.reasons}
+    assert result.road_boundary is not None
+    (zone,) = result.road_boundary.zones
+    assert (zone.form.value, len(zone.edges[0].cones)) == ("one-row", 5)
 
 
 def test_an_anchor_hardly_heard_is_named():
@@ -453,7 +470,7 @@ def test_notes_of_several_passes_name_their_pass():
     assert result.notes.count(of_both) == 1
 
 
-def test_cones_that_were_driven_over_enclose_nothing() -> None:
+def test_cones_that_were_driven_over_have_no_edge() -> None:
     rng = np.random.default_rng(4)
     t_s = np.arange(0.0, 40.0, 0.1)
     path_m = np.stack([3.0 * t_s, np.zeros(len(t_s))], axis=1)
@@ -469,7 +486,7 @@ def test_cones_that_were_driven_over_enclose_nothing() -> None:
 
 
 @pytest.mark.parametrize("denoiser", ["raw", "gaia-set"])
-def test_cones_in_one_place_enclose_nothing(denoiser: str) -> None:
+def test_cones_in_one_place_have_no_edge(denoiser: str) -> None:
     rng = np.random.default_rng(3)
     t_s = np.arange(0.0, 40.0, 0.1)
     path_m = np.stack([2.0 * t_s, 4.0 * np.sin(t_s / 4.0)], axis=1)

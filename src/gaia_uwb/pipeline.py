@@ -26,8 +26,6 @@ from gaia_uwb.episode import ClockOffset, DriveErrors, Episode
 from gaia_uwb.estimate import (
     AnchorFix,
     AnchorStatus,
-    Boundary,
-    BoundaryStatus,
     Reason,
     ReasonKind,
 )
@@ -60,7 +58,8 @@ from gaia_uwb.zone import (
     widened,
 )
 
-_LINE_M = 0.02  # wide: no row of cones was ever set up, or located, so straight
+_FEWEST_CONES = 2  # that have an edge
+_OVER_M = 0.5  # from the path of a vehicle's middle: no cone stands so near and is left standing
 _MISFIT_M = 1.0  # ranges of a working radio on a known path err by less
 _BIAS_SIGMA = 4.0  # no radio has a range bias this many prior standard deviations from 0
 _GROWTH_SIGMA = 2.0  # no radio's bias grows with distance by this many of them
@@ -261,7 +260,7 @@ def reconstruct_passes(
         *fused.reasons(),
         *_contradictions(fused.places),
         *decision.reasons,
-        *_reasons(anchors, boundary),
+        *_reasons(anchors, with_all),
     )
     reasons = _but_for_surveys(reasons, anchors, config)
     status = ReconstructionStatus.UNRELIABLE if reasons else ReconstructionStatus.OK
@@ -306,7 +305,7 @@ def reconstruct_episodes(
             *log_reasons(episode, config),
             *denoiser.notes(episode),
             *decision.reasons,
-            *_reasons(anchors, boundary),
+            *_reasons(anchors, [episode]),
         )
         reasons = _but_for_surveys(reasons, anchors, config)
         status = ReconstructionStatus.UNRELIABLE if reasons else ReconstructionStatus.OK
@@ -543,7 +542,7 @@ def log_reasons(episode: Episode, config: PipelineConfig = PipelineConfig()) -> 
         yield Reason(ReasonKind.MISFIT, text, numbers={"pattern_m": pattern_m})
 
 
-def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> Iterator[Reason]:
+def _reasons(anchors: Sequence[AnchorFix], passes: Sequence[Episode]) -> Iterator[Reason]:
     """Say why the boundary cannot be relied upon."""
     for status in AnchorStatus:
         if status is not AnchorStatus.OK:
@@ -556,14 +555,15 @@ def _reasons(anchors: Sequence[AnchorFix], boundary: Boundary) -> Iterator[Reaso
             if ids:
                 text = f"{_listed(ids, len(anchors))}: {status.message}"
                 yield Reason(status.reason_kind, text, cones=tuple(ids))
-    if boundary.status is BoundaryStatus.TOO_FEW_ANCHORS:
-        text = "fewer than three cones were located, so there is no boundary"
+    located = [anchor for anchor in anchors if anchor.status.has_position]
+    if len(located) < _FEWEST_CONES:
+        text = "fewer than two cones were located, so there is no edge"
         yield Reason(ReasonKind.TOO_FEW_CONES, text)
-    elif _in_one_place(anchors):
-        text = "all located cones are in one place within their errors, so there is no boundary"
+    elif _in_one_place(located):
+        text = "all located cones are in one place within their errors, so there is no edge"
         yield Reason(ReasonKind.COLLINEAR, text)
-    elif boundary.status is BoundaryStatus.COLLINEAR or _on_one_line(anchors):
-        text = "all located cones are on one line, so the boundary encloses no area"
+    elif _on_path(located, passes):
+        text = "all located cones are on the driven path within their errors, so there is no edge"
         yield Reason(ReasonKind.COLLINEAR, text)
 
 
@@ -577,17 +577,17 @@ def _but_for_surveys(
     return tuple(reason for reason in reasons if reason.kind is not ReasonKind.CLOCK)
 
 
-def _on_one_line(anchors: Sequence[AnchorFix]) -> bool:
-    """Whether all cones are on one line: that of a path that led over them, for example."""
-    located = [anchor for anchor in anchors if anchor.status.has_position]
-    place_m = np.array([anchor.position_m for anchor in located])
-    across = np.linalg.svd(place_m - place_m.mean(axis=0), full_matrices=False)[2][1]
-    return bool(np.ptp(place_m @ across) < _LINE_M)
+def _on_path(located: Sequence[AnchorFix], passes: Sequence[Episode]) -> bool:
+    """Whether a vehicle drove over every cone, as far as is known."""
+    return all(
+        min(np.hypot(*(fix.position_m - each.position_m).T).min() for each in passes)
+        < max(fix.semi_axes_90_m[1], _OVER_M)
+        for fix in located
+    )
 
 
-def _in_one_place(anchors: Sequence[AnchorFix]) -> bool:
+def _in_one_place(located: Sequence[AnchorFix]) -> bool:
     """Whether no cone stands farther from their middle than they are known."""
-    located = [anchor for anchor in anchors if anchor.status.has_position]
     place_m = np.array([anchor.position_m for anchor in located])
     off_m = np.hypot(*(place_m - place_m.mean(axis=0)).T)
     return bool(off_m.max() < max(anchor.semi_axes_90_m[0] for anchor in located))

@@ -309,7 +309,7 @@ def test_one_anchor_is_located_without_a_boundary(run, log: Path, tmp_path: Path
     (folder / "anchors.csv").unlink()
     code, out, _ = run("reconstruct", folder, "--out", tmp_path / "out")
     assert code == 1
-    assert "fewer than three cones" in out
+    assert "fewer than two cones" in out
 
 
 def test_unwritable_output_is_told_before_the_work(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]

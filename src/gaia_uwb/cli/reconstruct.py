@@ -8,6 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gaia_uwb._shared import printable
+from gaia_uwb.cli.boundary_options import (
+    ClosedLanesOption,
+    ClosedWidthOption,
+    FormOption,
+    LaneWidthOption,
+    RoadEdgeOption,
+    with_boundary,
+)
 from gaia_uwb.cli.exit_codes import BAD_INPUT, FAULT, UNRELIABLE, stop, tell
 from gaia_uwb.cli.options import (
     ClockOffsetOption,
@@ -67,6 +75,11 @@ def reconstruct(
     closure: ClosureOption = None,
     spacing: SpacingOption = None,
     known_anchor: KnownAnchorOption = None,
+    form: FormOption = None,
+    closed_width: ClosedWidthOption = None,
+    closed_lanes: ClosedLanesOption = None,
+    lane_width: LaneWidthOption = None,
+    road_edge: RoadEdgeOption = None,
     vehicle: VehicleOption = None,
     clock_offset: ClockOffsetOption = None,
     svg: Annotated[bool, typer.Option("--svg", help="Also write plot.svg.")] = False,
@@ -84,6 +97,7 @@ def reconstruct(
 
     settings = make_settings(config, denoiser, solver)
     settings = with_prior(settings, side, closure, spacing, known_anchor)
+    settings = with_boundary(settings, form, closed_width, closed_lanes, lane_width, road_edge)
     driver = None if vehicle is None else read_vehicle(vehicle)
     settings = with_vehicles(settings, [] if driver is None else [driver], clock_offset)
     read: list[str | Path] = [*sources, *model_folders([settings.denoiser])]

@@ -1,0 +1,141 @@
+"""Options that say what is known of the boundary that a driver sees."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from gaia_uwb.config import PipelineConfig
+
+
+class Form(StrEnum):
+    """How the cones of a zone stand, as the command line names it."""
+
+    ONE_ROW = "one-row"
+    LANE_BETWEEN = "lane-between"
+    WORKS_BETWEEN = "works-between"
+    AREA = "area"
+
+
+FormOption = Annotated[
+    Form | None,
+    typer.Option("--form", help="Known: how the cones of every zone stand, seen from the road."),
+]
+ClosedWidthOption = Annotated[
+    float | None,
+    typer.Option(
+        "--closed-width",
+        metavar="METRES",
+        help="Known: how far a row of cones closes the road, from its edge away from traffic.",
+    ),
+]
+ClosedLanesOption = Annotated[
+    int | None,
+    typer.Option("--closed-lanes", metavar="N", help="Known: the same in lanes."),
+]
+LaneWidthOption = Annotated[
+    float | None,
+    typer.Option("--lane-width", metavar="METRES", help="Width of one lane. Default: 3.6."),
+]
+RoadEdgeOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--road-edge",
+        metavar="FILE",
+        help="Known: the same as a line along the road's edge, in a GeoJSON file.",
+    ),
+]
+
+
+def with_boundary(
+    settings: PipelineConfig,
+    form: Form | None,
+    closed_width_m: float | None,
+    closed_lanes: int | None,
+    lane_width_m: float | None,
+    road_edge: Path | None,
+) -> PipelineConfig:
+    """Return settings with what the command line says about the boundary.
+
+    Parameters
+    ----------
+    settings
+        What they are without it.
+    form, closed_width_m, closed_lanes, lane_width_m, road_edge
+        The options; None leaves what the settings say. Of closed width, closed lanes and road's
+        edge, one that is given takes the place of another in the settings.
+
+    Raises
+    ------
+    ConfigError
+        If an option is malformed, or more than one says how wide the closed part is.
+    InputError
+        If the file of a road's edge cannot be read, or holds no line.
+    """
+    from gaia_uwb.config import make_config
+
+    widths = {
+        "closed_width_m": closed_width_m,
+        "closed_lanes": closed_lanes,
+        "road_edge": None if road_edge is None else read_line(road_edge),
+    }
+    said: dict[str, Any] = {
+        "form": None if form is None else form.value,
+        "lane_width_m": lane_width_m,
+    } | widths
+    said = {name: value for name, value in said.items() if value is not None}
+    if not said:
+        return settings
+    content = settings.model_dump(mode="json")
+    if said.keys() & widths.keys():
+        content["boundary"] = {
+            name: value for name, value in content["boundary"].items() if name not in widths
+        }
+    content["boundary"] |= said
+    return make_config(content, source="options")
+
+
+def read_line(path: Path) -> list[list[float]]:
+    """Return longitude and latitude of the points of the only line in a GeoJSON file.
+
+    Parameters
+    ----------
+    path
+        Of a LineString, or of a Feature or FeatureCollection with a single one.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or does not hold one line.
+    """
+    import json
+
+    from gaia_uwb._shared import InputError
+
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read a GeoJSON line: {error}", source=str(path)) from error
+    lines = list(_lines(content))
+    if len(lines) != 1:
+        problem = f"expected a GeoJSON file with one LineString, got {len(lines)}"
+        raise InputError(problem, source=str(path))
+    return [point[:2] if isinstance(point, list) else point for point in lines[0]]
+
+
+def _lines(content: Any) -> list[Any]:
+    """Return the coordinates of the lines in a GeoJSON object."""
+    if not isinstance(content, dict):
+        return []
+    if content.get("type") == "FeatureCollection":
+        features = content.get("features")
+        return [line for each in features for line in _lines(each)] if features else []
+    if content.get("type") == "Feature":
+        return _lines(content.get("geometry"))
+    if content.get("type") == "LineString" and isinstance(content.get("coordinates"), list):
+        return [content["coordinates"]]
+    return []
