@@ -99,8 +99,8 @@ def with_boundary(
     return make_config(content, source="options")
 
 
-def read_line(path: Path) -> list[list[float]]:
-    """Return longitude and latitude of the points of the only line in a GeoJSON file.
+def read_line(path: Path) -> list[Any]:
+    """Return longitude and latitude of the points of the only line in a GeoJSON file, unchecked.
 
     Parameters
     ----------
@@ -133,7 +133,8 @@ def _lines(content: Any) -> list[Any]:
         return []
     if content.get("type") == "FeatureCollection":
         features = content.get("features")
-        return [line for each in features for line in _lines(each)] if features else []
+        features = features if isinstance(features, list) else []
+        return [line for each in features for line in _lines(each)]
     if content.get("type") == "Feature":
         return _lines(content.get("geometry"))
     if content.get("type") == "LineString" and isinstance(content.get("coordinates"), list):

@@ -182,8 +182,8 @@ def _cone(anchor: AnchorFix) -> str:
 
 
 def print_results(results: Mapping[str, Any], path: Path) -> None:
-    """Print the paper's six metrics, one line per method."""
-    names = (
+    """Print the paper's six metrics, and those of edges where there are any, method by method."""
+    paper = (
         "distance_mse_overall",
         "anchor_mae",
         "polygon_iou",
@@ -191,14 +191,31 @@ def print_results(results: Mapping[str, Any], path: Path) -> None:
         "wrong_side_share",
         "ellipse_coverage_90_aligned",
     )
+    road = (
+        "edge_error_mean",
+        "edge_error_95",
+        "edge_band_coverage_90",
+        "zone_start_error",
+        "zone_end_error",
+        "zone_form_right",
+    )
     protocol = results["protocol"]
     typer.echo(
         f"{protocol['data']}, length {protocol['length']}, solver {protocol['solver']}: "
         f"{protocol['episodes']} episodes of {protocol['runs']} runs, "
         f"{protocol['windows_without_ranges']} windows without ranges skipped"
     )
+    for names in (paper, road):
+        if names is paper or any(
+            name in row["metrics"] for row in results["rows"] for name in names
+        ):
+            _print_table(names, results["rows"])
+    typer.echo(f"wrote {path}")
+
+
+def _print_table(names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
     typer.echo("  ".join(["method".ljust(12), *(name.ljust(22)[:27] for name in names)]))
-    for row in results["rows"]:
+    for row in rows:
         cells = []
         for name in names:
             m = row["metrics"].get(name)
@@ -207,4 +224,3 @@ def print_results(results: Mapping[str, Any], path: Path) -> None:
                 text += f" [{m['ci95'][0]:.3f}, {m['ci95'][1]:.3f}]"
             cells.append(text.ljust(max(22, len(name))))
         typer.echo("  ".join([row["method"].ljust(12), *cells]))
-    typer.echo(f"wrote {path}")

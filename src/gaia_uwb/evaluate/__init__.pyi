@@ -14,6 +14,7 @@ from .rigid_alignment import (
     rigid_align as rigid_align,
     rotation_matrix as rotation_matrix,
 )
+from .road_scores import score_road as score_road
 from .scores import (
     TestSet as TestSet,
     episodes_csv as episodes_csv,

@@ -34,7 +34,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Bool, Float64
+from gaia_uwb._shared import Array, Bool, Float64, InputError
+from gaia_uwb.episode import Episode
 from gaia_uwb.evaluate.metrics import Metric
 from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.roadside import Drive, Edge, RoadBoundary, RoadLine, WorkZone, find_zones
@@ -47,22 +48,30 @@ _STEP_M = 1.0
 _BORDER_M = 0.05
 
 
-def score_road(result: Reconstruction, true_m: Float64[Array, "N 2"]) -> dict[str, Metric]:
+def score_road(result: Reconstruction, episode: Episode) -> dict[str, Metric]:
     """Score the edges, the ends and the closed areas of a result.
 
     Parameters
     ----------
     result
         What was found, without truth.
-    true_m : (N, 2)
-        True places of the anchors, in the order of ``result.anchors``, in metres.
+    episode
+        With the truth of the anchors, in their order.
 
     Returns
     -------
     dict
         The metrics of the module's table by name, without those that have nothing to count; empty
         where there is no zone.
+
+    Raises
+    ------
+    InputError
+        If the episode has no truth.
     """
+    if episode.truth is None:
+        raise InputError("expected an episode with its truth, got none", source=episode.name)
+    true_m = episode.truth.anchor_m
     found = result.road_boundary
     drives = [Drive(each.name, each.t_s, each.position_m) for each, _ in result.passes]
     ids = [anchor.anchor_id for anchor in result.anchors]

@@ -16,6 +16,7 @@ from gaia_uwb._shared import Cell, ConfigError, InputError, csv_text
 from gaia_uwb.config import PipelineConfig
 from gaia_uwb.episode import Episode
 from gaia_uwb.evaluate.metrics import Metric, aggregate, score_episode
+from gaia_uwb.evaluate.road_scores import score_road
 from gaia_uwb.locate import end_to_end, in_one_frame, with_anchors
 from gaia_uwb.pipeline import prepare, reconstruct_episodes, reconstruct_passes
 from gaia_uwb.reconstruction import Reconstruction
@@ -47,7 +48,8 @@ def reconstruct_and_score(
     if any(episode.truth is None for episode in known):
         return result, None
     episode, denoised = end_to_end(known, [ranges for _, ranges in result.passes])
-    return result, score_episode(episode, denoised, result.anchors)
+    scores = score_episode(episode, denoised, result.anchors)
+    return result, scores | score_road(result, episode)
 
 
 @dataclass(frozen=True)
@@ -147,10 +149,12 @@ def score_method(
     if true_nlos_labels:
         labels = [e.truth.nlos for e in test.episodes if e.truth is not None]
     results = reconstruct_episodes(test.episodes, config, true_nlos=labels)
-    per_episode = (
-        score_episode(episode, result.denoised, result.anchors)
-        for episode, result in zip(test.episodes, results, strict=True)
-    )
+    per_episode = []
+    for episode, run, result in zip(test.episodes, test.groups, results, strict=True):
+        scores = score_episode(episode, result.denoised, result.anchors)
+        if episode.name == run:  # no window of it: those of a few seconds pass no zone
+            scores |= score_road(result, episode)
+        per_episode.append(scores)
     return Scores(method, tuple(per_episode))
 
 
