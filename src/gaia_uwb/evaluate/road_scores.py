@@ -14,6 +14,7 @@ edge_found_share                 true edge that has an edge beside it on its sid
 edge_band_coverage_90            true edge inside the 90 % band; metres of edge
 zone_start_error            m    mean distance along the road to the true start; zones
 zone_end_error              m    the same of the end; zones
+zone_ends_coverage_90            the 90 % interval holds the true start, or end; starts and ends
 free_width_error            m    mean error of the least width beside the path; edges
 zone_form_right                  zones that have the true form; zones
 path_in_closed_area         m    driven path inside closed areas; 1
@@ -79,10 +80,25 @@ def score_road(result: Reconstruction, episode: Episode) -> dict[str, Metric]:
     true = find_zones(drives, ids, true_m, true_m[None], setting, result.episode.frame)
     if found is None or true is None:
         return {}
+    return compare(found, true, [drive.position_m for drive in drives])
+
+
+def compare(
+    found: RoadBoundary, true: RoadBoundary, paths_m: Sequence[Float64[Array, "_ 2"]]
+) -> dict[str, Metric]:
+    """Score zones against the true ones.
+
+    Parameters
+    ----------
+    found, true
+        The zones; each may have a line of its own.
+    paths_m : sequence of (T, 2)
+        The drives, in metres.
+    """
     scores = [
         *_edge_scores(found, true),
         *_zone_scores(found, true),
-        *_path_scores(found, [drive.position_m for drive in drives]),
+        *_path_scores(found, paths_m),
         *_area_scores(found, true),
     ]
     return {score.name: score for score in scores}
@@ -152,13 +168,18 @@ def _zone_scores(found: RoadBoundary, true: RoadBoundary) -> Iterator[Metric]:
     pairs = [(_same(zone, found), zone) for zone in true.zones]
     if not pairs:
         return
-    line = found.line
-    for name, end in (("zone_start_error", "start"), ("zone_end_error", "end")):
-        off_m = [
-            abs(line.locate(getattr(there, end).place_m)[0] - getattr(here, end).station_m)
-            for here, there in pairs
+    ends = [[(a.start, b.start), (a.end, b.end)] for a, b in pairs]
+    off_m = np.array(
+        [
+            [abs(found.line.locate(true_end.place_m)[0] - own.station_m) for own, true_end in each]
+            for each in ends
         ]
-        yield Metric(name, float(np.mean(off_m)), "m", len(off_m))
+    )
+    within_m = np.array([[own.within_m for own, _ in each] for each in ends])
+    start_m, end_m = off_m.mean(axis=0)
+    yield Metric("zone_start_error", float(start_m), "m", len(pairs))
+    yield Metric("zone_end_error", float(end_m), "m", len(pairs))
+    yield Metric("zone_ends_coverage_90", float((off_m <= within_m).mean()), "", off_m.size)
     free_m = [
         abs(edge.free.least_m - true_edge.free.least_m)
         for here, there in pairs
