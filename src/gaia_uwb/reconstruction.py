@@ -31,6 +31,8 @@ from gaia_uwb.zone import (
     sample_scenes,
 )
 
+_NOT_TO_GO_BY = (AnchorStatus.DOES_NOT_FIT, AnchorStatus.MOVED)
+
 
 class ReconstructionStatus(StrEnum):
     """Whether the boundary can be relied upon; the value is what people see."""
@@ -93,15 +95,20 @@ class Reconstruction:
     def road_boundary(self) -> RoadBoundary | None:
         """What a driver sees of the zone, computed on first use.
 
+        A cone whose ranges fit no position, or that has moved, shapes no edge while others do.
         None where possible places are unknown, no anchor was located, or no vehicle moved by 10 m.
         """
         if self.possible is None or not len(self.possible[1].located):
             return None
         drives = [Drive(each.name, each.t_s, each.position_m) for each, _ in self.passes]
-        place_m = np.full((len(self.anchors), 2), np.nan)
         located = self.possible[1].located
-        place_m[located] = [self.anchors[k].position_m for k in located]
-        scene_m = sample_scenes(*self.possible).place_m
+        doubtful = [self.anchors[k].status in _NOT_TO_GO_BY for k in located]
+        kept = np.flatnonzero(~np.array(doubtful))
+        if not len(kept):
+            kept = np.arange(len(located))
+        place_m = np.full((len(self.anchors), 2), np.nan)
+        place_m[located[kept]] = [self.anchors[k].position_m for k in located[kept]]
+        scene_m = sample_scenes(*self.possible).place_m[:, kept]
         ids = [anchor.anchor_id for anchor in self.anchors]
         return find_zones(drives, ids, place_m, scene_m, self.config.boundary, self.episode.frame)
 

@@ -134,6 +134,8 @@ def test_the_upstream_taper_is_measured_and_compared_with_the_manual() -> None:
     assert (taper.is_upstream, taper.start.cone, taper.end.cone) == (True, "c00", "c06")
     assert taper.length_m == pytest.approx(90.0, abs=0.6)
     assert taper.width_m == pytest.approx(3.0, abs=0.03)
+    for end in (taper.start, taper.end):
+        assert end.within_m == pytest.approx(1.645 * 0.05, rel=0.2)
     assert taper.asked_m == pytest.approx(merging_taper_m(3.0, 15.0), rel=0.02)
     assert taper.is_long_enough
     slow = [replace(each, t_s=each.t_s / 2) for each in [drive(BEND, 0.0, 500.0)]]
@@ -197,6 +199,17 @@ def test_u_turns_and_other_passes_change_nothing_but_the_paths() -> None:
         np.testing.assert_allclose(zone.edges[0].beside_m, 3.0, atol=0.03)
         assert zone.length_m == pytest.approx(285.0, abs=1.5)
         assert zone.drove_through is None
+
+
+def test_a_drive_along_a_part_tells_its_speed_there() -> None:
+    slow = drive(BEND, 250.0, 330.0, 3.6)
+    drives = [
+        drive(BEND, 0.0, 500.0),
+        replace(slow, t_s=2 * slow.t_s),
+        replace(slow, t_s=50 + slow.t_s),
+    ]
+    zone = only_zone(drives, row(BEND, -3.0))
+    assert zone.speed_mps == pytest.approx(15.0, abs=0.05)
 
 
 def test_a_row_that_is_passed_against_traffic_faces_the_nearest_drive() -> None:

@@ -5,8 +5,9 @@ left or the right.
 
 - Cones on both sides: **lane-between**.
 - All on one side, less than three times as long as wide: an **area**.
-- All on one side, and in the order of the road they step away and back again: there are two rows.
-  Where both are long, the **works are between**; else they stand around an **area**.
+- All on one side, and in the order of the road they step away and back again, more often than one
+  row with its tapers and a few misplaced cones: there are two rows. Where both are long, the
+  **works are between**; else they stand around an **area**.
 - All on one side in one row that leads away from traffic at both ends, as a closed lane with its
   tapers does: the row and the line through its ends enclose an **area**.
 - All others: **one row**.
@@ -28,6 +29,7 @@ _STEP_M = 1.2  # across the road: less is no other row, but cones that were put 
 _CLOSED_M = 2.0  # by which a row leads away at both ends to close ground, as less than a lane
 _COMPACT = 3.0  # length over width of what is no row
 _OUT_AND_BACK = 3  # steps to another row that no row with two tapers makes
+_STEPS_PER_CONE = 1 / 6  # and no row with some cones out of line: each makes two
 _OF_A_ROW, _LONG = 3, 0.6  # cones of a row, and its share of the zone's length
 _ZONE_GAP, _ZONE_GAP_M = 10.0, 200.0  # between two zones: usual spacings, and metres
 _TANGENT = 0.25  # quantile of the distances from the path that a row without its tapers has
@@ -69,12 +71,12 @@ def forms(
     many = station_m.shape[1] > 2
     is_between = (left_m > 0).any(axis=1) & (left_m <= 0).any(axis=1)
     is_compact = many & (width_m > _STEP_M) & (length_m < _COMPACT * width_m)
-    has_two_rows = _steps(in_order_m) >= _OUT_AND_BACK
+    are_two_rows = _steps(in_order_m) >= _least_steps(station_m.shape[1])
     tangent_m = np.quantile(in_order_m, _TANGENT, axis=1)
     ends_m = np.minimum(in_order_m[:, 0], in_order_m[:, -1])
     is_closed = many & (ends_m - tangent_m > _CLOSED_M)
     names = np.select(
-        [is_between, is_compact, has_two_rows, is_closed],
+        [is_between, is_compact, are_two_rows, is_closed],
         [ZoneForm.LANE_BETWEEN.value, ZoneForm.AREA.value, if_two_rows.value, ZoneForm.AREA.value],
         ZoneForm.ONE_ROW.value,
     )
@@ -113,15 +115,15 @@ def has_two_rows(station_m: Float64[Array, "M"], left_m: Float64[Array, "M"]) ->
     order = np.argsort(station_m, kind="stable")
     width_m, length_m = np.ptp(left_m), np.ptp(station_m)
     is_compact = width_m > _STEP_M and length_m < _COMPACT * width_m
-    return bool(is_compact or _steps(np.abs(left_m[order])[None])[0] >= _OUT_AND_BACK)
+    return bool(is_compact or _steps(np.abs(left_m[order])[None])[0] >= _least_steps(len(order)))
 
 
 def facing(station_m: Float64[Array, "M"], distance_m: Float64[Array, "M"]) -> Bool[Array, "M"]:
     """Return which cones face traffic: those nearer to the zone's near side than to its far one.
 
     Both sides are those of the hull of all cones on the straightened road. The first and the last
-    cone are on both: they face traffic, unless they stand across the road behind the next cone that
-    does, as the first of a row behind may.
+    cone are on both: they face traffic, unless, in a long zone, they stand across the road behind
+    the next cone that does, as the first of a row behind may.
 
     Parameters
     ----------
@@ -136,7 +138,8 @@ def facing(station_m: Float64[Array, "M"], distance_m: Float64[Array, "M"]) -> B
     near_m = np.interp(at_m, at_m[near], from_path_m[near])
     far_m = np.interp(at_m, at_m[far], from_path_m[far])
     in_order = from_path_m - near_m <= far_m - from_path_m
-    for end, onwards in ((0, 1), (len(order) - 1, -1)):
+    is_long = np.ptp(station_m) >= _COMPACT * np.ptp(distance_m)
+    for end, onwards in ((0, 1), (len(order) - 1, -1)) if is_long else ():
         others = np.flatnonzero(in_order)[::onwards]
         others = others[others != end]
         if len(others):
@@ -159,6 +162,11 @@ def _chain(at_m: Float64[Array, "M"], value_m: Float64[Array, "M"]) -> list[int]
             kept.pop()
         kept.append(k)
     return kept
+
+
+def _least_steps(n_cones: int) -> float:
+    """Return how many steps so many cones make if they are two rows."""
+    return max(float(_OUT_AND_BACK), _STEPS_PER_CONE * n_cones)
 
 
 def _steps(distance_m: Float64[Array, "S M"]) -> Float64[Array, "S"]:

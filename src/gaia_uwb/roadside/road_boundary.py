@@ -310,7 +310,7 @@ class WorkZone:
     form_probability
         Probability of every form; 1 for a form that was stated.
     cones
-        Ids of its cones that were located, upstream to downstream.
+        Ids of its cones, upstream to downstream.
     start, end
         Its first and last cone in the direction of travel.
     length_m
@@ -358,7 +358,8 @@ class RoadBoundary:
     zones
         In the order of the line.
     unlocated
-        Ids of the cones that no zone has, because they were not located.
+        Ids of the cones that no zone has: they were not located, or their positions are nothing to
+        go by.
     """
 
     line: RoadLine
