@@ -134,7 +134,7 @@ def test_one_cone_has_no_edge_and_two_have() -> None:
 
 def test_cones_in_a_row_are_no_reason_for_doubt() -> None:
     row_m = np.stack([np.linspace(10.0, 50.0, 5), np.full(5, 4.0)], axis=1)
-    result = reconstruct(make_scene(row_m), RAW)
+    result = reconstruct(make_scene(row_m, bend_m=0.5), RAW)
     assert ReasonKind.COLLINEAR not in {reason.kind for reason in result.reasons}
     assert result.road_boundary is not None
     (zone,) = result.road_boundary.zones

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from gaia_uwb.api import load_scenes, reconstruct
 
 
+@pytest.mark.real_data
 def test_recorded_cones_are_an_area_and_the_path_is_outside(outdoor_dir: Path) -> None:
     for scene in load_scenes("outdoor-uwb", data_dir=outdoor_dir):
         result = reconstruct(scene)
