@@ -111,4 +111,5 @@ def _ring(anchors: list[AnchorFix]) -> Boundary:
         return Boundary(ring_m, ring_m, index, 0.0, BoundaryStatus.TOO_FEW_ANCHORS)
     east, north = ring_m.T
     area_m2 = 0.5 * float(np.sum(east * np.roll(north, -1) - np.roll(east, -1) * north))
-    return Boundary(ring_m, ring_m, index, abs(area_m2), BoundaryStatus.OK)
+    status = BoundaryStatus.OK if area_m2 else BoundaryStatus.COLLINEAR
+    return Boundary(ring_m, ring_m, index, abs(area_m2), status)

@@ -23,7 +23,7 @@ from gaia_uwb.outputs.kml import kml
 from gaia_uwb.scene import LocalFrame
 
 FIJI = LocalFrame(lat_deg=-16.8, lon_deg=179.99998)  # 2.1 m west; the square is 4 m wide
-ROLES = ("path", "boundary", "outline", "ellipse", "cone")
+ROLES = ("path", "hull", "outline", "ellipse", "cone")
 
 
 def wrapped(positions: np.ndarray) -> list[list[float]]:
@@ -153,7 +153,7 @@ def test_every_shape_of_a_zone_across_the_meridian_is_cut(tmp_path: Path) -> Non
         assert longest_step_deg(feature["geometry"]) < 1e-3, feature["properties"]["role"]
     kinds = {f["properties"]["role"]: f["geometry"]["type"] for f in collection["features"]}
     assert kinds["path"] == "MultiLineString"
-    assert kinds["boundary"] == kinds["outline"] == "MultiPolygon"
+    assert kinds["hull"] == kinds["outline"] == "MultiPolygon"
     west, south, east, north = collection["bbox"]
     assert 179.99 < west < 180.0 and -180.0 < east < -179.99 and south < north < -16.0
 

@@ -43,7 +43,7 @@ def test_roles_in_drawing_order_and_valid_geometries() -> None:
     collection = read_back(make_reconstruction())
     assert collection["type"] == "FeatureCollection"
     roles = [feature["properties"]["role"] for feature in collection["features"]]
-    assert roles == ["path", "boundary", "outline", *["ellipse"] * 4, *["cone"] * 4]
+    assert roles == ["path", "hull", "outline", *["ellipse"] * 4, *["cone"] * 4]
     assert all(shape(feature["geometry"]).is_valid for feature in collection["features"])
     assert all(feature["type"] == "Feature" for feature in collection["features"])
 
@@ -119,9 +119,9 @@ def test_outer_region_in_one_piece_is_a_polygon_and_in_two_a_multipolygon() -> N
         ([(SQUARE_M, hole_m)], "Polygon"),
         ([(SQUARE_M, hole_m), (SQUARE_M + np.array([0.0, -20.0]),)], "MultiPolygon"),
     ):
-        outer = one(read_back(with_regions(*pieces), local=True), "outer")
+        outer = one(read_back(with_regions(*pieces), local=True), "hull-outer")
         assert outer["geometry"]["type"] == kind
-        assert outer["properties"] == {"role": "outer", "probability": 0.9, "area_m2": 50.0}
+        assert outer["properties"] == {"role": "hull-outer", "probability": 0.9, "area_m2": 50.0}
         geometry = shape(outer["geometry"])
         assert geometry.is_valid
         assert geometry.area == pytest.approx(len(pieces) * 12.0 - 0.12)
@@ -130,8 +130,8 @@ def test_outer_region_in_one_piece_is_a_polygon_and_in_two_a_multipolygon() -> N
 
 
 def test_an_empty_region_is_left_out() -> None:
-    assert by_role(read_back(with_regions()), "inner") == []
-    assert by_role(read_back(with_regions()), "outer") == []
+    assert by_role(read_back(with_regions()), "hull-inner") == []
+    assert by_role(read_back(with_regions()), "hull-outer") == []
 
 
 def test_both_ellipses_of_an_ambiguous_cone() -> None:
@@ -156,10 +156,10 @@ def test_unlocated_cones_are_left_out() -> None:
     assert len(by_role(collection, "ellipse")) == 3
 
 
-def test_no_boundary_without_an_area() -> None:
+def test_no_hull_without_an_area() -> None:
     changed = {k: make_unlocated(f"cone-{k}") for k in (0, 1)}
     collection = read_back(make_reconstruction(changed=changed))
-    assert by_role(collection, "boundary") == by_role(collection, "outline") == []
+    assert by_role(collection, "hull") == by_role(collection, "outline") == []
     assert len(by_role(collection, "cone")) == 2
 
 

@@ -127,25 +127,27 @@ def test_inner_and_outer_outline_are_drawn_where_they_are_known(
         rings[size] = [*ring_m.tolist(), ring_m[0].tolist()]
     across = [[e, n - 12.0] for e, n in rings[0.9]]
     areas = {
-        "inner": {"type": "Polygon", "coordinates": [rings[0.9], rings[0.2]]},
-        "outer": {"type": "MultiPolygon", "coordinates": [[rings[1.1]], [across]]},
-        "inner-most": {"type": "MultiPolygon", "coordinates": []},
-        "outer-most": None,
+        "hull-inner": {"type": "Polygon", "coordinates": [rings[0.9], rings[0.2]]},
+        "hull-outer": {"type": "MultiPolygon", "coordinates": [[rings[1.1]], [across]]},
+        "closed-area-inner": {"type": "MultiPolygon", "coordinates": []},
+        "closed-area-outer": None,
     }
     for role, geometry in areas.items():
-        properties = {"role": role, "area_m2": 9.5 if role == "inner" else 1210.0}
+        properties = {"role": role, "area_m2": 9.5 if role == "hull-inner" else 1210.0}
         features["features"].insert(1, {"geometry": geometry, "properties": properties})
     page = tmp_path / "outlines.html"
     page.write_text(map_page(reconstruction, features, make_report(reconstruction)), "utf-8")
     show(chromium, page)
-    pieces = "[...document.querySelectorAll('#map .%s')].map((p) => p.getAttribute('d').split('z'))"
+    pieces = (
+        "[...document.querySelectorAll('#hull .%s')].map((p) => p.getAttribute('d').split('z'))"
+    )
     for role in ("inner", "outer"):
         (drawn,) = chromium.evaluate(pieces % role)
         assert len(drawn) == 3  # two rings each, and what follows the last z
     assert (
         "12.0 m² (at least 9.5 m², at most 1,210 m²; 90 % each)" in (texts(chromium, "#status")[0])
     )
-    legend = texts(chromium, "#legend div")
+    legend = texts(chromium, "#hull-legend div")
     assert "inside the work zone (90 %)" in legend
     assert "contains the work zone (90 %)" in legend
     picture(chromium, "outlines")

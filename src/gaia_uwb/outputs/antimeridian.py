@@ -28,7 +28,7 @@ def cut_at_antimeridian(geometry: Geometry) -> Geometry:
     Parameters
     ----------
     geometry
-        A GeoJSON Point, LineString, Polygon or MultiPolygon in WGS84, less than 180 degrees wide
+        A GeoJSON Point, (Multi)LineString or (Multi)Polygon in WGS84, less than 180 degrees wide
         and not around a pole: positions further apart are neighbours across the 180th meridian.
 
     Returns
@@ -48,12 +48,17 @@ def cut_at_antimeridian(geometry: Geometry) -> Geometry:
     kind, coordinates = geometry["type"], geometry["coordinates"]
     if kind == "Point":
         return geometry
-    wrapped: dict[str, list[Any]] = {"LineString": [[coordinates]], "Polygon": [coordinates]}
+    wrapped: dict[str, list[Any]] = {
+        "LineString": [[coordinates]],
+        "MultiLineString": [coordinates],
+        "Polygon": [coordinates],
+    }
     parts = wrapped.get(kind) or coordinates
     if not any(_crosses(positions) for rings in parts for positions in rings):
         return geometry
-    if kind == "LineString":
-        return {"type": "MultiLineString", "coordinates": list(_cut_line(coordinates))}
+    if kind.endswith("LineString"):
+        lines = [piece for line in parts[0] for piece in _cut_line(line)]
+        return {"type": "MultiLineString", "coordinates": lines}
     pieces = [piece for rings in parts for piece in _cut_polygon(rings)]
     return {"type": "MultiPolygon", "coordinates": pieces}
 

@@ -2,25 +2,36 @@
 
 Features, in drawing order; the property ``role`` tells them apart:
 
-============  ==========  ===========================================================
-role          geometry    what it is
-============  ==========  ===========================================================
-``path``      LineString  the path of the tag's antenna, thinned; one per pass
-``outer``     (M)Polygon  with 90 % probability nothing of the work zone is outside
-``boundary``  Polygon     convex hull of the located cones
-``inner``     (M)Polygon  with 90 % probability all of it is work zone; none if nothing is sure
-``outline``   Polygon     the outline that visits every located cone
-``ellipse``   Polygon     a cone's 90 % confidence ellipse; with ``mirror`` true, that about the
-                          other place of an ambiguous cone
-``mirror``    Point       the other place of an ambiguous cone
-``cone``      Point       a located cone, with its status and uncertainty
-============  ==========  ===========================================================
+=====================  ==============  ==========================================================
+role                   geometry        what it is
+=====================  ==============  ==========================================================
+``path``               LineString      the path of the tag's antenna, thinned; one per pass
+``hull-outer``         (M)Polygon      with 90 % probability nothing of the hull is outside
+``hull``               Polygon         the paper's boundary: convex hull of all located cones
+``hull-inner``         (M)Polygon      with 90 % probability all of it is in the hull
+``outline``            Polygon         the outline that visits every located cone
+``closed-area-outer``  (M)Polygon      with 90 % probability nothing that is closed is outside
+``closed-area``        (M)Polygon      the ground that is closed to traffic
+``open-strip``         (M)Polygon      behind an edge of unknown width: for drawing, no area
+``closed-area-inner``  (M)Polygon      with 90 % probability all of it is closed
+``edge-band``          (M)Polygon      holds the edge with 90 % probability, place by place
+``edge``               (M)LineString   what traffic must not cross, in the direction of travel, in
+                                       pieces between gaps
+``taper``              LineString      where an edge leads into the road, or out of it
+``gap``                LineString      between two cones that are farther apart than usual
+``ellipse``            Polygon         a cone's 90 % confidence ellipse; with ``mirror`` true, that
+                                       about the other place of an ambiguous cone
+``mirror``             Point           the other place of an ambiguous cone
+``cone``               Point           a located cone, with its status and uncertainty
+=====================  ==============  ==========================================================
 
-An ``(M)Polygon`` is a Polygon or, in several pieces, a MultiPolygon; ``uncertainty.py``
-defines both regions. Coordinates are WGS84 longitude and latitude with nine decimals (0.1 mm),
-exterior rings run counter-clockwise, holes clockwise. Lines and polygons across the 180th meridian
-are cut there into a MultiLineString or a MultiPolygon, and the collection's ``bbox`` then runs from
-a west above 0 to an east below 0. Where the scene's place on Earth is unknown, no valid coordinates
+What is empty or unknown is left out. ``(M)`` means Multi in front where there are several pieces.
+``uncertainty.py`` defines the regions of the hull, ``roadside`` all that is along the road.
+
+Coordinates are WGS84 longitude and latitude with nine decimals (0.1 mm), exterior rings run
+counter-clockwise, holes clockwise. Lines and polygons across the 180th meridian are cut there into
+a MultiLineString or a MultiPolygon, and the collection's ``bbox`` then runs from a west above 0 to
+an east below 0. Where the scene's place on Earth is unknown, no valid coordinates
 exist: they are then east and north in metres, and the member ``gaia.coordinates`` says so.
 """
 
@@ -28,18 +39,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from gaia_uwb._shared import Array, Float64
 from gaia_uwb.episode import Episode
-from gaia_uwb.estimate import AnchorFix, Boundary, BoundaryStatus
+from gaia_uwb.estimate import AnchorFix, BoundaryStatus
 from gaia_uwb.outputs.antimeridian import bounding_box, cut_at_antimeridian
+from gaia_uwb.outputs.road_features import Lines, Polygons, road_features
 from gaia_uwb.projection import to_geodetic
 from gaia_uwb.reconstruction import Reconstruction
+from gaia_uwb.roadside import RoadBoundary
 from gaia_uwb.scene import LocalFrame
-from gaia_uwb.zone import BoundaryUncertainty
 
 Json: TypeAlias = dict[str, object]
 
@@ -50,6 +62,7 @@ _PATH_POINTS = 1000
 
 WGS84 = "WGS84 longitude/latitude in degrees"
 LOCAL = "local east/north metres, not WGS84"
+HULL_NOTE = "the paper's boundary: the convex hull of all located cones"
 
 
 @dataclass(frozen=True)
@@ -160,9 +173,8 @@ def boundary_geojson(reconstruction: Reconstruction, *, local: bool = False) -> 
     writer = _Writer(frame)
     features: list[dict[str, Any]] = [
         *(writer.path(episode) for episode, _ in reconstruction.passes),
-        *writer.uncertainty(reconstruction.boundary_uncertainty, "outer"),
-        *writer.boundary(reconstruction.boundary, reconstruction.episode.anchor_ids),
-        *writer.uncertainty(reconstruction.boundary_uncertainty, "inner"),
+        *writer.hull(reconstruction),
+        *writer.road(reconstruction.road_boundary),
         *writer.anchors(reconstruction.anchors),
     ]
     box: Json = {}
@@ -192,26 +204,30 @@ class _Writer:
         line = self._coordinates(_thin(episode.position_m))
         return _feature("path", "LineString", line, {"pass": episode.name})
 
-    def boundary(self, boundary: Boundary, anchor_ids: Sequence[str]) -> Iterator[Json]:
-        if boundary.status is not BoundaryStatus.OK:
-            return
-        visited = [anchor_ids[index] for index in boundary.outline_index]
-        yield self._polygon("boundary", boundary.hull_m, {"area_m2": boundary.area_m2})
-        yield self._polygon("outline", boundary.outline_m, {"anchor_ids": visited})
+    def hull(self, reconstruction: Reconstruction) -> Iterator[Json]:
+        """Yield the hull with its regions, unless they are unknown or empty, and the outline."""
+        boundary, found = reconstruction.boundary, reconstruction.boundary_uncertainty
+        if found is not None and found.outer.polygons:
+            sure: Json = {"probability": found.probability, "area_m2": found.outer.area_m2}
+            yield self._areas("hull-outer", found.outer.polygons, sure)
+        if boundary.status is BoundaryStatus.OK:
+            properties: Json = {"area_m2": boundary.area_m2, "note": HULL_NOTE}
+            yield self._polygon("hull", boundary.hull_m, properties)
+        if found is not None and found.inner.polygons:
+            sure = {"probability": found.probability, "area_m2": found.inner.area_m2}
+            yield self._areas("hull-inner", found.inner.polygons, sure)
+        if boundary.status is BoundaryStatus.OK:
+            ids = reconstruction.episode.anchor_ids
+            visited = [ids[index] for index in boundary.outline_index]
+            yield self._polygon("outline", boundary.outline_m, {"anchor_ids": visited})
 
-    def uncertainty(
-        self, found: BoundaryUncertainty | None, role: Literal["inner", "outer"]
-    ) -> Iterator[Json]:
-        """Yield the inner or the outer region, unless it is unknown or empty."""
-        if found is None:
-            return
-        region = found.inner if role == "inner" else found.outer
-        pieces = [[self._ring(ring) for ring in rings] for rings in region.polygons]
-        properties: Json = {"probability": found.probability, "area_m2": region.area_m2}
-        if len(pieces) == 1:
-            yield _feature(role, "Polygon", pieces[0], properties)
-        elif pieces:
-            yield _feature(role, "MultiPolygon", pieces, properties)
+    def road(self, boundary: RoadBoundary | None) -> Iterator[Json]:
+        """Yield what a driver sees of the zones."""
+        for found in () if boundary is None else road_features(boundary):
+            if found.lines_m:
+                yield self._lines(found.role, found.lines_m, found.properties)
+            else:
+                yield self._areas(found.role, found.polygons_m, found.properties)
 
     def anchors(self, anchors: Sequence[AnchorFix]) -> Iterator[Json]:
         """Yield all ellipses, then all mirror places, then all cones, so that cones lie on top."""
@@ -245,6 +261,18 @@ class _Writer:
         twice_area = np.sum(east * np.roll(north, -1) - np.roll(east, -1) * north)
         ring_m = ring_m if twice_area >= 0 else ring_m[::-1]
         return _feature(role, "Polygon", [self._ring(ring_m)], properties)
+
+    def _areas(self, role: str, polygons_m: Polygons, properties: Json) -> Json:
+        pieces = [[self._ring(ring_m) for ring_m in rings_m] for rings_m in polygons_m]
+        if len(pieces) == 1:
+            return _feature(role, "Polygon", pieces[0], properties)
+        return _feature(role, "MultiPolygon", pieces, properties)
+
+    def _lines(self, role: str, lines_m: Lines, properties: Json) -> Json:
+        pieces = [self._coordinates(line_m) for line_m in lines_m]
+        if len(pieces) == 1:
+            return _feature(role, "LineString", pieces[0], properties)
+        return _feature(role, "MultiLineString", pieces, properties)
 
     def _ring(self, ring_m: Float64[Array, "K 2"]) -> list[list[float]]:
         return self._coordinates(np.concatenate([ring_m, ring_m[:1]]))

@@ -1,10 +1,10 @@
 """The reconstruction as a GeoPackage (OGC 12-128r19), one file for a GIS.
 
 A GeoPackage is an SQLite database with tables that the standard names; SQLite comes with Python and
-the features come from ``geojson.py``, so no other library is needed. One layer per role: ``cone``,
-``ellipse``, ``mirror``, ``boundary``, ``outline``, ``inner``, ``outer`` and ``path``, with the
-GeoJSON's properties as columns. Coordinates are WGS84 (EPSG:4326, longitude first), or, where the
-scene has no geographic reference, metres in an undefined Cartesian system (``srs_id`` -1).
+the features come from ``geojson.py``, so no other library is needed. One layer per role that has
+features, with the GeoJSON's properties as columns. Coordinates are WGS84 (EPSG:4326, longitude
+first), or, where the scene has no geographic reference, metres in an undefined Cartesian system
+(``srs_id`` -1).
 
 >>> from gaia_uwb.outputs.geopackage import geopackage
 >>> geopackage({"type": "FeatureCollection", "gaia": {"coordinates": "local"}, "features": []})[:15]

@@ -3,13 +3,15 @@
 // Text from the data enters the page through textContent and setAttribute only.
 const { features, report, timeline, messages, sources } = JSON.parse(byId("data").textContent);
 const map = byId("map");
+const known = (value) => value !== null && value !== undefined;
 const RINGS = {  // of a geometry: lists of points; an area may have holes and several pieces
-  Point: (c) => [[c]], LineString: (c) => [c], Polygon: (c) => c, MultiPolygon: (c) => c.flat(),
+  Point: (c) => [[c]], LineString: (c) => [c], MultiLineString: (c) => c,
+  Polygon: (c) => c, MultiPolygon: (c) => c.flat(),
 };
 const all = features.features.filter(({ geometry }) => geometry)
   .map(({ properties, geometry: { type, coordinates } }) => {
     const rings = RINGS[type](coordinates);
-    return { ...properties, rings, points: rings.flat() };
+    return { ...properties, rings, points: rings.flat(), isLine: type.endsWith("LineString") };
   });
 const cones = new Map(all.filter((f) => f.role === "cone").map((cone) => [cone.id, cone]));
 const mirrors = new Map(all.filter((f) => f.role === "mirror").map((cone) => [cone.id, cone]));
@@ -17,6 +19,8 @@ const order = report.anchors.map((anchor) => anchor.id);
 const anchors = new Map(report.anchors.map((anchor) => [anchor.id, anchor]));
 const origin = all[0].points[0];  // browsers draw in single precision: keep numbers small
 const steps = timeline.t_s.length;
+// The hull is another shape than what a driver sees, unless the cones stand around an area.
+const hullLeads = all.every(({ form }) => !known(form) || form === "area");
 const chosen = { id: null, step: 0, ranges: false };  // what the reader looks at
 
 const STATUS = {
@@ -42,7 +46,6 @@ function svg(name, attributes, parent) {
   return element;
 }
 
-const known = (value) => value !== null && value !== undefined;
 const minus = (text) => text.replace("-", "−");
 const metres = (value) => (known(value) ? `${minus(value.toFixed(2))}\u00a0m` : "unknown");
 const percent = (share) => `${Math.round(100 * share)}\u00a0%`;

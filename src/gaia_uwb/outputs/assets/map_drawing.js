@@ -1,7 +1,9 @@
 // ---- what is drawn: made once; a new view only moves it -------------------------------------
 const grid = svg("g", {}, map);
 const world = svg("g", {}, map);  // lines and areas, in metres about the origin
-const areas = svg("g", {}, world), path = svg("g", {}, world), now = svg("g", {}, world);
+const hull = svg("g", { id: "hull" }, world);  // the paper's boundary, which can be hidden
+const areas = svg("g", {}, world), path = svg("g", {}, world), lines = svg("g", {}, world);
+const now = svg("g", {}, world);
 const ellipses = svg("g", {}, world);
 const screen = svg("g", {}, map);  // rays, links and the ruler, in pixels
 const marks = svg("g", {}, map);  // cones and names, which keep their size on the screen
@@ -19,16 +21,30 @@ function areaClass(role) {
   return ["inner", "outer"].find((word) => role.includes(word)) ?? role;
 }
 
+const isHull = (role) => role.startsWith("hull") || role === "outline";
+
+function layerOf({ role, isLine }) {
+  if (role === "ellipse") return ellipses;
+  if (isHull(role)) return hull;
+  return isLine ? lines : areas;
+}
+
 function drawAreas() {
   for (const feature of all) {
     if (feature.points.length < 2 || feature.role === "path") continue;
     const corner = ([e, n]) => `${(e - origin[0]).toFixed(4)} ${(n - origin[1]).toFixed(4)}`;
-    const d = feature.rings.map((ring) => `M${ring.map(corner).join("L")}z`).join("");
-    const layer = feature.role === "ellipse" ? ellipses : areas;
+    const end = feature.isLine ? "" : "z";
+    const d = feature.rings.map((ring) => `M${ring.map(corner).join("L")}${end}`).join("");
+    const layer = layerOf(feature);
     const other = feature.mirror ? " other" : "";  // the ellipse about the other possible place
     svg("path", { class: areaClass(feature.role) + warned(feature.status) + other, d,
                   "fill-rule": "evenodd" }, layer);
   }
+}
+
+function showHull(shown) {
+  hull.style.display = shown ? "" : "none";
+  byId("hull-shown").checked = shown;
 }
 
 // Shapes tell the states apart where colours cannot.

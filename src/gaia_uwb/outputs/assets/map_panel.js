@@ -1,9 +1,16 @@
 // ---- the column beside the map --------------------------------------------------------------
 const LEGEND = {
   mirror: "other possible position of a cone",
-  ellipse: "contains the cone (90 %)", boundary: "work zone (around all cones)",
-  outline: "line through all cones", inner: "inside the work zone (90 %)",
-  outer: "contains the work zone (90 %)",
+  ellipse: "contains the cone (90 %)",
+  edge: "edge: do not cross", "edge-band": "contains the edge (90 %)",
+  taper: "taper", gap: "gap, such as an opening for access",
+  "closed-area": "closed to traffic", "open-strip": "behind the edge (no area known)",
+  "closed-area-inner": "inside the closed area (90 %)",
+  "closed-area-outer": "contains the closed area (90 %)",
+};
+const HULL_LEGEND = {
+  hull: "work zone (around all cones)", outline: "line through all cones",
+  "hull-inner": "inside the work zone (90 %)", "hull-outer": "contains the work zone (90 %)",
 };
 
 function select(id) {
@@ -86,11 +93,12 @@ function swatchOf(role, parent, status = "ok") {
   if (role === "cone" || role === "mirror")
     svg("path", { class: `mark ${role}${warned(status)}`, d: markPath(role, status),
                   transform: "translate(17 11)" }, swatch);
-  else if (role === "outline" || role === "inner" || role === "outer")
+  else if (["outline", "inner", "outer", "edge", "taper", "gap"].includes(role))
     svg("line", { class: role, x1: 2, x2: 32, y1: 11, y2: 11 }, swatch);
   else if (role === "ellipse")
     svg("ellipse", { class: role, cx: 17, cy: 11, rx: 14, ry: 8 }, swatch);
-  else if (role === "boundary") svg("rect", { class: role, x: 2, y: 3, width: 30, height: 16 }, swatch);
+  else if (["hull", "closed-area", "open-strip", "edge-band"].includes(role))
+    svg("rect", { class: role, x: 2, y: 3, width: 30, height: 16 }, swatch);
   else svg("path", { class: role, d: "M3 11H31" }, swatch);
 }
 
@@ -100,13 +108,18 @@ function listLegend() {
     if ([...cones.values()].some((cone) => cone.status === status))
       rows.push(["cone", `cone: ${STATUS[status]}`, status]);
   rows.push(...Object.entries(LEGEND));
-  const roles = new Set(all.map((feature) => areaClass(feature.role)));
-  for (const [role, text, status] of rows) {
-    if (!roles.has(role)) continue;
-    const row = html("div", "", byId("legend"));
-    swatchOf(role, row, status);
-    html("span", text, row);
-  }
+  const roles = new Set(all.map(({ role }) => role));
+  for (const [role, text, status] of rows)
+    if (roles.has(role)) legendRow(byId("legend"), role, text, status);
+  for (const [role, text] of Object.entries(HULL_LEGEND))
+    if (roles.has(role)) legendRow(byId("hull-legend"), role, text);
+  byId("hull-part").hidden = ![...roles].some(isHull);
+}
+
+function legendRow(parent, role, text, status) {
+  const row = html("div", "", parent);
+  swatchOf(areaClass(role), row, status);
+  html("span", text, row);
 }
 
 // What the path's colours mean; in words as well as in width.
@@ -130,7 +143,8 @@ function explainPath(id) {
 
 // Between which areas the zone lies, where the inner and the outer region are known.
 function areaSureness() {
-  const [inner, outer] = ["inner", "outer"].map((role) => all.find((f) => f.role === role));
+  const [inner, outer] = ["hull-inner", "hull-outer"]
+    .map((role) => all.find((f) => f.role === role));
   if (!outer || !known(outer.area_m2)) return "";
   return ` (at least ${squareMetres(inner?.area_m2 ?? 0)}, at most `
     + `${squareMetres(outer.area_m2)}; 90\u00a0% each)`;
@@ -175,6 +189,7 @@ byId("fold").addEventListener("click", () => {
 });
 byId("zone").addEventListener("click", showZone);
 byId("drive").addEventListener("click", showDrive);
+byId("hull-shown").addEventListener("change", (event) => showHull(event.target.checked));
 byId("closer").addEventListener("click", () => zoom(1.4));
 byId("farther").addEventListener("click", () => zoom(1 / 1.4));
 addEventListener("resize", () => {
@@ -187,6 +202,7 @@ setTheme(darkness.matches);
 slider.max = Math.max(steps - 1, 0);
 byId("clock").textContent = steps ? `0.0 / ${timeline.t_s[steps - 1].toFixed(1)} s` : "";
 drawAreas();
+showHull(hullLeads);
 drawPlaces();
 tellStatus();
 listCones();

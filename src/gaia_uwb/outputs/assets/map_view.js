@@ -227,6 +227,7 @@ const KEYS = {
   ArrowLeft: () => pan(60, 0), ArrowRight: () => pan(-60, 0),
   ArrowUp: () => pan(0, 60), ArrowDown: () => pan(0, -60),
   z: showZone, d: showDrive, n: () => next(1), b: () => next(-1), m: () => toggleRuler(),
+  h: () => showHull(!byId("hull-shown").checked),
   ",": () => showMoment(chosen.step - 1), ".": () => showMoment(chosen.step + 1),
   " ": () => togglePlay(),
 };
