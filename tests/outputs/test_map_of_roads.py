@@ -92,6 +92,19 @@ def test_the_edge_is_plain_to_see_on_every_screen(
     assert lost > 0.0003  # of the screen is the edge's ink, which is the text's
 
 
+def test_the_page_tells_the_edge_first(chromium: Browser, road_pages: dict[str, Path]) -> None:
+    show(chromium, road_pages["open"])
+    (status,) = texts(chromium, "#status")
+    assert status.startswith(
+        "✓ reliable All 8 cones located. The edge runs 2.9 to 3.1 m right of your path from 100 to "
+        "280 m; the lane beside it is at least 2.6 m free (90 %). Behind it is an open strip"
+    )
+    assert "m²" not in status
+    assert any(line.startswith("A taper leads 3.00 m") for line in texts(chromium, "#road li"))
+    show(chromium, road_pages["no road"])
+    assert chromium.evaluate("byId('road-part').hidden") is True
+
+
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_lines_stand_out_from_the_ground(
     chromium: Browser, road_pages: dict[str, Path], theme: str
@@ -117,5 +130,6 @@ def test_lines_stand_out_from_the_ground(
 def test_hostile_ids_stay_text(chromium: Browser, road_pages: dict[str, Path]) -> None:
     show(chromium, road_pages["hostile"])
     assert chromium.evaluate("document.title") == "GAIA: a drive"
+    assert f"may stand in it ({HOSTILE[0]})" in " ".join(texts(chromium, "#road li"))
     count = "document.querySelectorAll('img, iframe, aside script, main script').length"
     assert chromium.evaluate(count) == 0

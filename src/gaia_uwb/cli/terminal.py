@@ -142,8 +142,9 @@ def print_summary(
 ) -> None:
     """Say what was found, how certain it is, and where the files are."""
     from gaia_uwb._shared import SIGMAS_90
+    from gaia_uwb.outputs import hull_leads
 
-    lines = [f"{result.name}: {result.status.value}"]
+    lines = [f"{result.name}: {result.status.value}", *_zones(result)]
     for episode, _ in result.passes:
         if result.more_passes:
             lines.append(f"  pass {episode.name}: {int(episode.n_readings.sum())} ranges")
@@ -155,7 +156,8 @@ def print_summary(
                 f"(90 %): {clock.reason}"
             )
     lines += [f"  {_cone(anchor)}" for anchor in result.anchors]
-    lines.append(f"  boundary: {result.boundary_words}")
+    hull = "boundary" if hull_leads(result.road_boundary) else "hull (the paper's boundary)"
+    lines.append(f"  {hull}: {result.boundary_words}")
     if metrics is not None:
         shown = ("anchor_mae", "polygon_iou", "polygon_hausdorff")
         found = [
@@ -167,6 +169,19 @@ def print_summary(
     lines += [f"  wrote {path}" for path in paths]
     sys.stderr.flush()
     typer.echo("\n".join(map(written_out, lines)))
+
+
+def _zones(result: Reconstruction) -> Iterator[str]:
+    """Describe the edges of each zone, and what is closed behind them."""
+    from gaia_uwb.outputs import edge_words
+
+    for zone in () if result.road_boundary is None else result.road_boundary.zones:
+        for edge in zone.edges:
+            which = f"{edge.side.value} edge" if len(zone.edges) > 1 else "edge"
+            yield f"  {which}: {edge_words(edge)}"
+        closed = zone.closed
+        area = "unknown, an open strip" if closed is None else f"{closed.region.area_m2:.1f} m²"
+        yield f"  closed area: {area}; {zone.form.message}"
 
 
 def _cone(anchor: AnchorFix) -> str:

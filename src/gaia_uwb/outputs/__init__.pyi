@@ -7,3 +7,4 @@ from .geojson import (
 )
 from .interactive_map import map_page as map_page
 from .report import RESULT_FILES as RESULT_FILES, make_report as make_report, write_all as write_all
+from .road_words import edge_words as edge_words, hull_leads as hull_leads

@@ -17,10 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64
+from gaia_uwb._shared import Array, Float64, printable
 from gaia_uwb.estimate import AnchorStatus, SideSource
 from gaia_uwb.evaluate import range_residual_m
 from gaia_uwb.locate import end_to_end
+from gaia_uwb.outputs.road_words import hull_leads, summary_words, zone_words
 from gaia_uwb.reconstruction import Reconstruction
 
 _ASSETS = Path(__file__).parent / "assets"
@@ -46,6 +47,7 @@ def map_page(
     data = {
         "features": features,
         "report": {**report, "boundary": _without_grid(report["boundary"])},
+        "road": _road(reconstruction),
         "timeline": _timeline(reconstruction),
         "messages": {status.value: status.message for status in AnchorStatus},
         "sources": {source.value: source.message for source in SideSource},
@@ -74,6 +76,15 @@ def _without_grid(boundary: object) -> object:
     if not isinstance(boundary, Mapping):
         return boundary
     return {name: value for name, value in boundary.items() if name != "uncertainty"}
+
+
+def _road(reconstruction: Reconstruction) -> dict[str, object] | None:
+    """Return in words what a driver sees of the zones; None where the hull is the zone."""
+    road = reconstruction.road_boundary
+    if road is None or hull_leads(road):
+        return None
+    words = list(zone_words(road, printable))
+    return {"summary": summary_words(reconstruction), "details": words}
 
 
 def _asset(name: str) -> str:

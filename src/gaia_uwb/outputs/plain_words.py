@@ -23,6 +23,13 @@ from gaia_uwb.evaluate import (
     limits_of_reasons,
     range_residual_m,
 )
+from gaia_uwb.outputs.road_words import (
+    closed_regions,
+    hull_leads,
+    square_metres,
+    summary_words,
+    zone_words,
+)
 from gaia_uwb.projection import to_geodetic
 from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from gaia_uwb.scene import LocalFrame
@@ -88,18 +95,13 @@ def _located(reconstruction: Reconstruction) -> list[AnchorFix]:
 
 
 def _summary(reconstruction: Reconstruction) -> Iterator[str]:
-    boundary, n_cones = reconstruction.boundary, len(reconstruction.anchors)
+    n_cones = len(reconstruction.anchors)
     located = _of_all(len(_located(reconstruction)), n_cones)
     good = reconstruction.status is ReconstructionStatus.OK
-    zone = "The work zone" if good else "The zone as computed"
-    area = {
-        BoundaryStatus.OK: f"{zone} covers {_square_metres(boundary.area_m2)}.",
-        BoundaryStatus.TOO_FEW_ANCHORS: "That is too few for a boundary.",
-        BoundaryStatus.COLLINEAR: "They are on one line, so they enclose no area.",
-    }[boundary.status]
     verdict = "Reliable." if good else "Needs review."
     verb = "was" if n_cones == 1 else "were"
-    yield f"**{verdict}** {located[:1].upper()}{located[1:]} {verb} located. {area}"
+    zone = summary_words(reconstruction)
+    yield f"**{verdict}** {located[:1].upper()}{located[1:]} {verb} located. {zone}"
     # Problems of single cones are stated here in plainer words, and below with numbers.
     others = [reason.text for reason in reconstruction.reasons if not reason.kind.is_anchor_status]
     if reconstruction.reasons:
@@ -154,13 +156,12 @@ def _residual_m(reconstruction: Reconstruction) -> Float64[Array, "T N"]:
 
 
 def _found(reconstruction: Reconstruction) -> Iterator[str]:
-    boundary = reconstruction.boundary
-    if boundary.status is BoundaryStatus.OK:
-        apart_m = np.hypot(*(boundary.hull_m[:, None] - boundary.hull_m).transpose(2, 0, 1))
-        yield (
-            f"The work zone has {len(boundary.hull_m)} corners and is {metres(apart_m.max())} long "
-            f"at its longest; it covers {_square_metres(boundary.area_m2)}."
-        )
+    road = reconstruction.road_boundary
+    is_hull = hull_leads(road)
+    if is_hull:
+        yield from _hull(reconstruction, "The work zone")
+    if road is not None:
+        yield from zone_words(road, in_markdown)
     lost = [a for a in reconstruction.anchors if not a.status.has_position]
     if lost:
         names = ", ".join(in_markdown(anchor.anchor_id) for anchor in lost)
@@ -183,6 +184,18 @@ def _found(reconstruction: Reconstruction) -> Iterator[str]:
         yield (
             "The log has no geographic reference: positions are in metres east and north of its "
             "own origin."
+        )
+    if not is_hull:
+        yield from _hull(reconstruction, "The convex hull of the cones, the paper's boundary,")
+
+
+def _hull(reconstruction: Reconstruction, subject: str) -> Iterator[str]:
+    boundary = reconstruction.boundary
+    if boundary.status is BoundaryStatus.OK:
+        apart_m = np.hypot(*(boundary.hull_m[:, None] - boundary.hull_m).transpose(2, 0, 1))
+        yield (
+            f"{subject} has {len(boundary.hull_m)} corners and is {metres(apart_m.max())} long "
+            f"at its longest; it covers {square_metres(boundary.area_m2)}."
         )
 
 
@@ -246,13 +259,17 @@ def _sources(located: Sequence[AnchorFix]) -> Iterator[str]:
 
 
 def _regions(reconstruction: Reconstruction) -> Iterator[str]:
+    road = reconstruction.road_boundary
+    if road is not None and not hull_leads(road):
+        yield from (closed_regions(zone.closed) for zone in road.zones if zone.closed is not None)
+        return
     found = reconstruction.boundary_uncertainty
     if found is None:
         return
-    sure, outer = percent(found.probability), _square_metres(found.outer.area_m2)
+    sure, outer = percent(found.probability), square_metres(found.outer.area_m2)
     if found.inner.area_m2 > 0.0:
         inner = (
-            f"A region of {_square_metres(found.inner.area_m2)} lies inside the work zone with "
+            f"A region of {square_metres(found.inner.area_m2)} lies inside the work zone with "
             f"{sure} confidence"
         )
     else:
@@ -381,7 +398,3 @@ def _row(cells: Sequence[str]) -> str:
 
 def _number(value: float) -> str:
     return f"{value:.2f}" if np.isfinite(value) else ""
-
-
-def _square_metres(area_m2: float) -> str:
-    return f"{area_m2:,.{1 if area_m2 < 100 else 0}f} m²"

@@ -1,7 +1,7 @@
 "use strict";
 // The scripts of this folder are one script in the page, in the order of interactive_map.py.
 // Text from the data enters the page through textContent and setAttribute only.
-const { features, report, timeline, messages, sources } = JSON.parse(byId("data").textContent);
+const { features, report, road, timeline, messages, sources } = JSON.parse(byId("data").textContent);
 const map = byId("map");
 const known = (value) => value !== null && value !== undefined;
 const RINGS = {  // of a geometry: lists of points; an area may have holes and several pieces
@@ -20,7 +20,7 @@ const anchors = new Map(report.anchors.map((anchor) => [anchor.id, anchor]));
 const origin = all[0].points[0];  // browsers draw in single precision: keep numbers small
 const steps = timeline.t_s.length;
 // The hull is another shape than what a driver sees, unless the cones stand around an area.
-const hullLeads = all.every(({ form }) => !known(form) || form === "area");
+const hullLeads = road === null;
 const chosen = { id: null, step: 0, ranges: false };  // what the reader looks at
 
 const STATUS = {

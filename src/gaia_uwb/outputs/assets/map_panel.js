@@ -161,7 +161,10 @@ function tellStatus() {
       : "too few cones for a boundary";
   const found = cones.size === order.length && order.length > 1
     ? `All ${order.length}` : `${cones.size} of ${order.length}`;
-  html("span", ` ${found} cones located, ${area}.`, byId("status"));
+  const zone = road === null ? `, ${area}.` : `. ${road.summary}`;
+  html("span", ` ${found} cones located${zone}`, byId("status"));
+  for (const words of road?.details ?? []) html("li", words, byId("road"));
+  byId("road-part").hidden = road === null;
   for (const reason of report.reasons) html("li", reason.text, byId("reasons"));
   for (const note of report.notes) html("li", note, byId("notes"));
   byId("log").hidden = !report.notes.length;
