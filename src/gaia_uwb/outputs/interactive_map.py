@@ -46,7 +46,11 @@ def map_page(
     """
     data = {
         "features": features,
-        "report": {**report, "boundary": _without_grid(report["boundary"])},
+        "report": {
+            **report,
+            "boundary": _without_grid(report["boundary"]),
+            "road_boundary": None,  # it is drawn from the features and told in words
+        },
         "road": _road(reconstruction),
         "timeline": _timeline(reconstruction),
         "messages": {status.value: status.message for status in AnchorStatus},

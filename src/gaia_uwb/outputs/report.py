@@ -5,7 +5,7 @@ file                      what it contains
 ========================  ==========================================================================
 ``cones.csv``             one row per anchor: position, uncertainty, status
 ``clean-ranges.parquet``  one row per pass, step and anchor with a range: before and after denoising
-``boundary.geojson``      boundary, cones and ellipses for a GIS (``geojson.py``)
+``boundary.geojson``      edges, areas, cones and ellipses for a GIS (``geojson.py``)
 ``boundary.gpkg``         the same as layers of a GeoPackage; only on request
 ``boundary.kml``          the same for a globe; only on request and with a geographic reference
 ``plot.png``              the site from above and the ranges over time (``picture.py``)
@@ -45,6 +45,7 @@ from gaia_uwb.outputs.interactive_map import map_page
 from gaia_uwb.outputs.kml import kml
 from gaia_uwb.outputs.picture import plot_reconstruction
 from gaia_uwb.outputs.plain_words import people_report
+from gaia_uwb.outputs.road_report import road_report
 from gaia_uwb.outputs.tables import clean_ranges_parquet, cones_csv, other_place
 from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.zone import BoundaryUncertainty
@@ -96,7 +97,8 @@ def make_report(
         Strict JSON values only: what is unknown is None, never NaN. ``clock_offset_s`` is the shift
         applied to the ranges, ``clock_offset`` says how it was found. Both, like
         ``range_calibration``, belong to a pass, and are None at the top level where several passes
-        were fused. Lengths are in metres.
+        were fused. ``boundary`` is the paper's, ``road_boundary`` what a driver sees
+        (``road_report.py``). Lengths are in metres.
     """
     episode, boundary = reconstruction.episode, reconstruction.boundary
     alone = None if reconstruction.more_passes else episode
@@ -134,6 +136,7 @@ def make_report(
         "improvements": [
             {**asdict(each), "radius_90_m": _finite(each.radius_90_m)} for each in proposed
         ],
+        "road_boundary": road_report(reconstruction.road_boundary),
         "frame": None if episode.frame is None else asdict(episode.frame),
         "uncertainty_note": UNCERTAINTY_NOTE,
         "config": reconstruction.config.model_dump(mode="json"),
