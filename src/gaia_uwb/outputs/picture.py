@@ -7,14 +7,28 @@ Anchors that share a colour share their artists: a thousand anchors cost as few 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gaia_uwb._shared import CHI_SQUARE_90, SCREEN_DPI, Array, Float64, plain_style, printable
+from gaia_uwb._shared import SCREEN_DPI, Array, Float64, plain_style
 from gaia_uwb.estimate import BoundaryStatus
 from gaia_uwb.locate import end_to_end, starts_s
+from gaia_uwb.outputs.drawn_cones import (
+    INK,
+    N_LOOKS,
+    PATH,
+    WARNING,
+    ZONE,
+    DrawnCones,
+    look,
+    name_cones,
+    short_name,
+    tidy,
+)
+from gaia_uwb.outputs.road_words import edges_words, hull_leads
+from gaia_uwb.outputs.strip import draw_strip, draw_zones, needs_strip
 from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from gaia_uwb.zone import BoundaryUncertainty
 
@@ -22,25 +36,22 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette for all kinds of colour vision, without its yellow, faint on paper.
-_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#000000")
-_DASHES = ("-", "--", ":", "-.")
 _INNER, _OUTER = "#009E73", "#7A4FA3"
-_PATH, _ZONE, _WARNING, _INK = "#9A9A9A", "#F0E442", "#B3400A", "#222222"
 
 _SIZE_IN = (10.0, 9.0)
 _MOST_RANGES = 100_000  # more dots than this the picture has no pixels for
 _MOST_NAMES = 12
-_NAME_POINTS = 8.5  # font size of the cones' names
+_LINE_LETTERS = 130  # of a line below the title
 
 
 @plain_style()
 def plot_reconstruction(
     reconstruction: Reconstruction, truth_m: Float64[Array, "N 2"] | None = None
 ) -> Figure:
-    """Draw the site from above, the ranges over time, and what the denoiser changed.
+    """Draw the site, the ranges over time, and what the denoiser changed.
 
-    Where the drive is far longer than the work zone, a close-up of the zone is drawn next to it.
+    The site is seen from above. Where the drive is far longer than the work zone, a close-up of the
+    zone is drawn next to it; where the zone itself is a long row, the road is straightened there.
 
     Parameters
     ----------
@@ -58,80 +69,38 @@ def plot_reconstruction(
 
     figure = Figure(figsize=_SIZE_IN, dpi=SCREEN_DPI)
     _write_title(figure, reconstruction)
-    cones = _Cones.of(reconstruction)
+    cones = DrawnCones.of(reconstruction)
     known_m = np.empty((0, 2)) if truth_m is None else truth_m
     zone_m = np.concatenate([cones.extent_m(), known_m])
     paths_m = [episode.position_m for episode, _ in reconstruction.passes]
     drive_m = np.concatenate([*paths_m, zone_m])
-    if len(zone_m) and np.ptp(drive_m, axis=0).max() > 3.0 * np.ptp(zone_m, axis=0).max():
+    road = reconstruction.road_boundary
+    if road is not None and needs_strip(road):
+        overview = _add_site(figure, (0.77, 0.51, 0.21, 0.39), drive_m)
+        overview.set_title("from above", size=9, loc="left", pad=3)
+        _draw_site(overview, reconstruction, cones)
+        axes = figure.add_axes((0.07, 0.51, 0.63, 0.39))
+        cones, known_m = cones.along(road.line), road.line.locate(known_m)
+        draw_strip(axes, road, cones)
+        axes.set_title("along the road, wider than it is", size=9, loc="left", pad=3)
+    elif len(zone_m) and np.ptp(drive_m, axis=0).max() > 3.0 * np.ptp(zone_m, axis=0).max():
         overview = _add_site(figure, (0.07, 0.51, 0.39, 0.39), drive_m)
         axes = _add_site(figure, (0.535, 0.51, 0.445, 0.39), zone_m)
         _draw_site(overview, reconstruction, cones)
         _mark_close_up(overview, axes)
+        _draw_site(axes, reconstruction, cones)
     else:
         axes = _add_site(figure, (0.07, 0.51, 0.91, 0.39), drive_m)
-    _draw_site(axes, reconstruction, cones)
-    if truth_m is not None:
-        axes.plot(*truth_m.T, "x", color=_INK, ms=6, mew=1, label="true position", zorder=7)
-    _name_cones(axes, cones, avoid_m=np.concatenate([cones.mirror_m[:, 1], known_m]))
+        _draw_site(axes, reconstruction, cones)
+    if len(known_m):
+        axes.plot(*known_m.T, "x", color=INK, ms=6, mew=1, label="true position", zorder=7)
+    name_cones(axes, cones, avoid_m=np.concatenate([cones.mirror_m[:, 1], known_m]))
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0.476),
-                  ncols=-(-len(labels) // (1 + (len(labels) > 7))),
+                  ncols=-(-len(labels) // (1 + (len(labels) > 6))),
                   fontsize=8, frameon=False)  # fmt: skip
     _draw_ranges(figure, reconstruction)
     return figure
-
-
-@dataclass(frozen=True)
-class _Cones:
-    """The located anchors, ready to draw."""
-
-    names: list[str]
-    colours: list[str]
-    position_m: Float64[Array, "K 2"]
-    ellipse_m: Float64[Array, "K E 2"]
-    """Points on the 90 % ellipses; NaN where a covariance is unknown."""
-    mirror_m: Float64[Array, "M 2 2"]
-    """Both places of the anchors whose side is open: the chosen one, the other one."""
-    mirror_ellipse_m: Float64[Array, "M E 2"]
-    """Points on the 90 % ellipses about the other ones."""
-
-    @classmethod
-    def of(cls, reconstruction: Reconstruction) -> _Cones:
-        fixes = [(k, f) for k, f in enumerate(reconstruction.anchors) if f.status.has_position]
-        position_m = np.array([f.position_m for _, f in fixes]).reshape(-1, 2)
-        covariance_m2 = np.array([f.covariance_m2 for _, f in fixes]).reshape(-1, 2, 2)
-        mirrored = [f for _, f in fixes if f.side_is_open]
-        both_m = np.array([[f.position_m, f.mirror_position_m] for f in mirrored]).reshape(-1, 2, 2)
-        mirror_m2 = np.array([f.mirror_covariance_m2 for f in mirrored]).reshape(-1, 2, 2)
-        return cls(
-            names=[f.anchor_id for _, f in fixes],
-            colours=[_look(k)[0] for k, _ in fixes],
-            position_m=position_m,
-            ellipse_m=position_m[:, None] + _ellipses(covariance_m2),
-            mirror_m=both_m,
-            mirror_ellipse_m=both_m[:, 1, None] + _ellipses(mirror_m2),
-        )
-
-    def extent_m(self) -> Float64[Array, "P 2"]:
-        """Return points that a picture of the zone must show; a hopeless ellipse is not one."""
-        if not self.names:
-            return self.position_m
-        places_m = np.concatenate([self.position_m, self.mirror_m[:, 1]])
-        reach_m = max(float(np.ptp(places_m, axis=0).max()), 2.0)
-        away_m = np.abs(self.ellipse_m - self.position_m[:, None]).max(axis=2)
-        return np.concatenate([places_m, self.ellipse_m[away_m < reach_m]])
-
-
-def _ellipses(covariance_m2: Float64[Array, "K 2 2"]) -> Float64[Array, "K E 2"]:
-    """Return points on the 90 % ellipses about the origin; NaN where a covariance is unknown."""
-    known = np.asarray(np.isfinite(covariance_m2).all(axis=(1, 2)))
-    variance_m2, axis = np.linalg.eigh(np.where(known[:, None, None], covariance_m2, 0.0))
-    angle = np.linspace(0.0, 2.0 * np.pi, 49)
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    semi_m = np.sqrt(CHI_SQUARE_90 * np.maximum(variance_m2, 0.0))
-    semi_m[~known] = np.nan
-    return np.asarray((circle * semi_m[:, None]) @ np.swapaxes(axis, 1, 2))
 
 
 def _write_title(figure: Figure, reconstruction: Reconstruction) -> None:
@@ -141,13 +110,21 @@ def _write_title(figure: Figure, reconstruction: Reconstruction) -> None:
     n_cones = len(reconstruction.anchors)
     found = f"all {n_cones}" if located == n_cones > 1 else f"{located} of {n_cones}"
     summary = f"{found} cones located, boundary: {area}"
-    colour = _INK
+    road = reconstruction.road_boundary
+    if road is not None and not hull_leads(road):
+        zones = [edges_words(zone) for zone in road.zones]
+        told = zones[0] if len(zones) == 1 else f"There are {len(zones)} work zones."
+        summary = f"{found[:1].upper()}{found[1:]} cones located. {told}"
+    colour = INK
     if status is not ReconstructionStatus.OK:
         summary = f"{status.value.upper()}: {'; '.join(map(str, reconstruction.reasons))}"
-        colour = _WARNING
-    name = _shortened(reconstruction.name, 80)
-    figure.text(0.07, 0.965, name, size=13, weight="bold", color=_INK, parse_math=False)
-    figure.text(0.07, 0.94, _shortened(summary, 130), size=9.5, color=colour, parse_math=False)
+        colour = WARNING
+    name = short_name(reconstruction.name, 80)
+    figure.text(0.07, 0.965, name, size=13, weight="bold", color=INK, parse_math=False)
+    lines = wrap(short_name(summary, 2 * _LINE_LETTERS), _LINE_LETTERS)
+    for k, line in enumerate(lines[:2]):
+        place = (0.07, 0.943 - 0.018 * k)
+        figure.text(*place, line, size=9.5, color=colour, parse_math=False)
 
 
 def _add_site(
@@ -163,7 +140,7 @@ def _add_site(
     axes.set(xlim=(west_m, east_m), ylim=(south_m, north_m), aspect="equal")
     axes.set_xlabel("east (m)", size=9)
     axes.set_ylabel("north (m)", size=9)
-    _tidy(axes)
+    tidy(axes)
     return axes
 
 
@@ -171,25 +148,23 @@ def _mark_close_up(overview: Axes, close_up: Axes) -> None:
     (west_m, east_m), (south_m, north_m) = close_up.get_xlim(), close_up.get_ylim()
     corners_east_m = [west_m, east_m, east_m, west_m, west_m]
     corners_north_m = [south_m, south_m, north_m, north_m, south_m]
-    overview.plot(corners_east_m, corners_north_m, color=_INK, lw=0.9, zorder=8)
+    overview.plot(corners_east_m, corners_north_m, color=INK, lw=0.9, zorder=8)
     overview.set_title("the drive", size=9, loc="left", pad=3)
     close_up.set_title("the work zone (the box on the left)", size=9, loc="left", pad=3)
 
 
-def _draw_site(axes: Axes, reconstruction: Reconstruction, cones: _Cones) -> None:
+def _draw_site(axes: Axes, reconstruction: Reconstruction, cones: DrawnCones) -> None:
     from matplotlib.collections import LineCollection, PolyCollection
 
-    boundary = reconstruction.boundary
     for k, (episode, _) in enumerate(reconstruction.passes):
         path, start = ("path of the vehicle's antenna", "start") if k == 0 else (None, None)
-        axes.plot(*episode.position_m.T, color=_PATH, lw=1.2, label=path, zorder=1)
-        axes.plot(*episode.position_m[0], "s", color=_PATH, ms=6, label=start, zorder=1)
-    if boundary.status is BoundaryStatus.OK:
-        axes.fill(*boundary.hull_m.T, color=_ZONE, alpha=0.4, lw=0, label="boundary", zorder=2)
-        closed_m = np.concatenate([boundary.outline_m, boundary.outline_m[:1]])
-        axes.plot(*closed_m.T, "--", color=_INK, lw=0.9, label="outline of the cones", zorder=3)
-    if reconstruction.boundary_uncertainty is not None:
-        _draw_regions(axes, reconstruction.boundary_uncertainty)
+        axes.plot(*episode.position_m.T, color=PATH, lw=1.2, label=path, zorder=1)
+        axes.plot(*episode.position_m[0], "s", color=PATH, ms=6, label=start, zorder=1)
+    road = reconstruction.road_boundary
+    if road is not None and not hull_leads(road):
+        draw_zones(axes, road)
+    else:
+        _draw_hull(axes, reconstruction)
     if cones.names:
         ellipses = PolyCollection(list(cones.ellipse_m), label="90 % ellipse", zorder=4)
         ellipses.set(facecolors=[f"{colour}30" for colour in cones.colours], lw=1.0)
@@ -198,14 +173,25 @@ def _draw_site(axes: Axes, reconstruction: Reconstruction, cones: _Cones) -> Non
         east_m, north_m = cones.position_m.T
         axes.scatter(east_m, north_m, s=14, c=cones.colours, label="cone", zorder=6)
     if len(cones.mirror_m):
-        links = LineCollection(list(cones.mirror_m), colors=_WARNING, ls=":", lw=0.9, zorder=4)
+        links = LineCollection(list(cones.mirror_m), colors=WARNING, ls=":", lw=0.9, zorder=4)
         axes.add_collection(links, autolim=False)
         around = PolyCollection(list(cones.mirror_ellipse_m), facecolors="none", ls=":", lw=0.8)
-        around.set(edgecolors=_WARNING, zorder=4)
+        around.set(edgecolors=WARNING, zorder=4)
         axes.add_collection(around, autolim=False)
         east_m, north_m = cones.mirror_m[:, 1].T
-        axes.plot(east_m, north_m, "o", mfc="white", mec=_WARNING, ms=5.5, zorder=5,
+        axes.plot(east_m, north_m, "o", mfc="white", mec=WARNING, ms=5.5, zorder=5,
                   label="other possible position of a cone")  # fmt: skip
+
+
+def _draw_hull(axes: Axes, reconstruction: Reconstruction) -> None:
+    """Draw the hull, the outline and the hull's regions."""
+    boundary = reconstruction.boundary
+    if boundary.status is BoundaryStatus.OK:
+        axes.fill(*boundary.hull_m.T, color=ZONE, alpha=0.4, lw=0, label="boundary", zorder=2)
+        closed_m = np.concatenate([boundary.outline_m, boundary.outline_m[:1]])
+        axes.plot(*closed_m.T, "--", color=INK, lw=0.9, label="outline of the cones", zorder=3)
+    if reconstruction.boundary_uncertainty is not None:
+        _draw_regions(axes, reconstruction.boundary_uncertainty)
 
 
 def _draw_regions(axes: Axes, found: BoundaryUncertainty) -> None:
@@ -234,18 +220,17 @@ def _draw_ranges(figure: Figure, reconstruction: Reconstruction) -> None:
     change_m, bound_m = _bounded(raw_m - clean_m)
     dots: dict[str, Any] = {"ls": "", "marker": ".", "ms": 3.5, "mew": 0, "alpha": 0.5}
     dots["rasterized"] = True  # in an SVG: tens of thousands of them are no drawing to edit
-    n_looks = len(_COLOURS) * len(_DASHES)
-    for first in range(min(episode.n_anchors, n_looks)):
-        same = slice(first, None, n_looks)
-        colour, dashes = _look(first)
+    for first in range(min(episode.n_anchors, N_LOOKS)):
+        same = slice(first, None, N_LOOKS)
+        colour, dashes = look(first)
         time_s = np.tile(t_s, raw_m[:, same].shape[1])
         upper.plot(time_s, _joined(raw_m[:, same]), color=colour, **dots)
         upper.plot(time_s, _joined(clean_m[:, same]), color=colour, ls=dashes, lw=1.0)
         lower.plot(time_s, _joined(change_m[:, same]), color=colour, **dots)
-    lower.axhline(0.0, color=_INK, lw=0.6)
+    lower.axhline(0.0, color=INK, lw=0.6)
     for start_s in starts_s(episodes)[1:]:
-        upper.axvline(start_s, color=_INK, lw=0.6)
-        lower.axvline(start_s, color=_INK, lw=0.6)
+        upper.axvline(start_s, color=INK, lw=0.6)
+        lower.axvline(start_s, color=INK, lw=0.6)
     upper.set_ylabel("range (m)", size=9)
     when = "time since the start (s)"
     if reconstruction.more_passes:
@@ -255,14 +240,9 @@ def _draw_ranges(figure: Figure, reconstruction: Reconstruction) -> None:
     lower.set_xlabel(when, size=9)
     upper.tick_params(labelbottom=False)
     upper.set_xlim(0.0, max(float(episode.t_s[-1] - episode.t_s[0]), 1e-3))
-    _tidy(upper)
-    _tidy(lower)
+    tidy(upper)
+    tidy(lower)
     _name_colours(upper, episode.anchor_ids)
-
-
-def _look(k: int) -> tuple[str, str]:
-    """Return colour and dashes of the k-th anchor's curve."""
-    return _COLOURS[k % len(_COLOURS)], _DASHES[k // len(_COLOURS) % len(_DASHES)]
 
 
 def _bounded(change_m: Float64[Array, "T N"]) -> tuple[Float64[Array, "T N"], float]:
@@ -281,14 +261,14 @@ def _name_colours(axes: Axes, anchor_ids: Sequence[str]) -> None:
     from matplotlib.lines import Line2D
 
     handles = [
-        Line2D([], [], color=_PATH, marker=".", ls=""),
-        Line2D([], [], color=_PATH, lw=1.0),
+        Line2D([], [], color=PATH, marker=".", ls=""),
+        Line2D([], [], color=PATH, lw=1.0),
     ]
     names = ["raw", "denoised"]
     for k, anchor_id in enumerate(anchor_ids[:_MOST_NAMES]):
-        colour, dashes = _look(k)
+        colour, dashes = look(k)
         handles.append(Line2D([], [], color=colour, ls=dashes, lw=4 if dashes == "-" else 2))
-        names.append(_shortened(anchor_id, 14))
+        names.append(short_name(anchor_id, 14))
     if len(anchor_ids) > _MOST_NAMES:
         handles.append(Line2D([], [], ls=""))
         names.append(f"and {len(anchor_ids) - _MOST_NAMES} more")
@@ -296,52 +276,3 @@ def _name_colours(axes: Axes, anchor_ids: Sequence[str]) -> None:
                          fontsize=8, frameon=False, handlelength=1.2)  # fmt: skip
     for text in legend.get_texts():
         text.set_parse_math(False)
-
-
-def _name_cones(axes: Axes, cones: _Cones, avoid_m: Float64[Array, "P 2"]) -> None:
-    """Write each cone's name next to its ellipse, where it covers no mark and no other name.
-
-    A name without room is omitted.
-    """
-    unit = SCREEN_DPI / 72.0 * _NAME_POINTS
-    to_pixel, to_metre = axes.transData.transform, axes.transData.inverted().transform
-    pixel = to_pixel(cones.position_m)
-    ellipse = to_pixel(cones.ellipse_m.reshape(-1, 2)).reshape(cones.ellipse_m.shape)
-    reach = np.abs(np.nan_to_num(ellipse - pixel[:, None])).max(axis=1)
-    reach = np.clip(reach, 0.4 * unit, 1.6 * unit) + 0.3 * unit
-    marks = to_pixel(np.concatenate([cones.position_m, avoid_m]))
-    taken = np.concatenate([marks - 0.4 * unit, marks + 0.4 * unit], axis=1)
-    west, south, east, north = axes.bbox.extents
-    for k, name in enumerate(cones.names):
-        text = _shortened(name, 14)
-        half = np.array([0.32 * len(text), 0.5]) * unit
-        outward = _AROUND @ (pixel[k] - pixel.mean(axis=0))
-        for direction in _AROUND[np.argsort(-outward, kind="stable")]:
-            x, y = centre = pixel[k] + direction * (reach[k] + half)
-            box = np.array([x - half[0], y - half[1], x + half[0], y + half[1]])
-            apart = (taken[:, :2] >= box[2:]) | (taken[:, 2:] <= box[:2])
-            inside = west < box[0] and south < box[1] and box[2] < east and box[3] < north
-            if inside and apart.any(axis=1).all():
-                taken = np.concatenate([taken, box[None]])
-                east_m, north_m = to_metre(centre)
-                axes.text(east_m, north_m, text, size=_NAME_POINTS, color=cones.colours[k],
-                          weight="bold", ha="center", va="center_baseline", parse_math=False,
-                          zorder=8)  # fmt: skip
-                break
-
-
-# Directions in which a name may stand from its cone.
-_AROUND = np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, 1], [1, -1], [-1, -1]], float)
-_AROUND[4:] *= 0.75
-
-
-def _tidy(axes: Axes) -> None:
-    axes.grid(color="#E3E3E3", lw=0.6)
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize=8, color=_PATH)
-    axes.spines[:].set_color(_PATH)
-
-
-def _shortened(text: str, longest: int) -> str:
-    flat = printable(text)  # fonts have no letters for the rest, and XML forbids some of it
-    return flat if len(flat) <= longest else f"{flat[: longest - 1]}…"

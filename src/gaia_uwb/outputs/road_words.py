@@ -72,7 +72,7 @@ def summary_words(reconstruction: Reconstruction) -> str:
             BoundaryStatus.TOO_FEW_ANCHORS: "That is too few for a boundary.",
             BoundaryStatus.COLLINEAR: "They are on one line, so they enclose no area.",
         }[reconstruction.boundary.status]
-    told = [f"{_edges(zone)} {_area_in_short(zone)}" for zone in road.zones]
+    told = [f"{edges_words(zone)} {_area_in_short(zone)}" for zone in road.zones]
     if len(told) == 1:
         return told[0]
     numbered = (f"Zone {number}: {words}" for number, words in enumerate(told, start=1))
@@ -95,6 +95,19 @@ def edge_words(edge: Edge) -> str:
         f"runs {across} {edge.side.value} of your path {along}; the lane beside it is at least "
         f"{max(edge.free.at_least_m, 0.0):.1f} m free (90 %)"
     )
+
+
+def edges_words(zone: WorkZone) -> str:
+    """Return where a zone's edges run, a sentence each.
+
+    Parameters
+    ----------
+    zone
+        What to tell.
+    """
+    if len(zone.edges) == 1:
+        return f"The edge {edge_words(zone.edges[0])}."
+    return " ".join(f"The {edge.side.value} edge {edge_words(edge)}." for edge in zone.edges)
 
 
 def zone_words(boundary: RoadBoundary, name: Name) -> Iterator[str]:
@@ -149,7 +162,7 @@ def square_metres(area_m2: float) -> str:
 
 def _zone(zone: WorkZone, name: Name) -> Iterator[str]:
     if zone.form is ZoneForm.AREA:  # the summary tells its area
-        yield _edges(zone)
+        yield edges_words(zone)
     yield from map(_side, filter(_is_in_doubt, zone.edges))
     if zone.lane is not None:
         yield (
@@ -192,12 +205,6 @@ def _is_in_doubt(edge: Edge) -> bool:
 def _side(edge: Edge) -> str:
     share = percent(edge.side_probability)
     return f"That the edge is on the {edge.side.value} of your path has {share} probability."
-
-
-def _edges(zone: WorkZone) -> str:
-    if len(zone.edges) == 1:
-        return f"The edge {edge_words(zone.edges[0])}."
-    return " ".join(f"The {edge.side.value} edge {edge_words(edge)}." for edge in zone.edges)
 
 
 def _area_in_short(zone: WorkZone) -> str:
