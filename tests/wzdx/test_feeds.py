@@ -69,8 +69,11 @@ def test_every_feed_is_valid(
     assert found_officially(feeds.device, "DeviceFeed") == []
     line = np.array(event(feeds)["geometry"]["coordinates"])
     places = np.array([f["geometry"]["coordinates"] for f in read_back(feeds.device)["features"]])
-    assert (np.diff(zone.along_m) >= 0).all()
-    for found, expected_m in ((line, zone.line_m), (places, [c.position_m for c in zone.cones])):
+    assert (np.diff(zone.parts[0].along_m) >= 0).all()
+    for found, expected_m in (
+        (line, zone.parts[0].line_m),
+        (places, [c.position_m for c in zone.cones]),
+    ):
         local_m, _ = to_local(zone.frame, found[:, 1], found[:, 0])
         ordered_m = np.asarray(expected_m)[:: -1 if back else 1]
         assert np.abs(local_m[[0, -1]] - ordered_m[[0, -1]]).max() < 0.02
@@ -204,7 +207,7 @@ def test_cones_on_one_line_have_a_feed_without_doubts() -> None:
     )  # fmt: skip
     feeds = feeds_of(result, feed_config(extension=True))
     assert event(feeds)["properties"]["is_start_position_verified"] is True
-    assert event(feeds)["properties"]["gaia"]["boundary"] is None
+    assert event(feeds)["properties"]["gaia"]["hull"] is None
     assert {d["properties"]["core_details"]["device_status"] for d in devices(feeds).values()} == {
         "ok"
     }
@@ -219,7 +222,7 @@ def test_deprecated_members_and_extension_come_when_asked_for() -> None:
     assert properties["beginning_accuracy"] == "verified"
     assert properties["start_date_accuracy"] == "estimated"
     assert properties["event_status"] == "active"
-    assert len(properties["gaia"]["boundary"]["coordinates"][0]) == 4
+    assert len(properties["gaia"]["hull"]["coordinates"][0]) == 4
     covariance_m2 = devices(feeds)["mid"]["properties"]["gaia"]["covariance_m2"]
     assert covariance_m2 == [[0.04, 0.01], [0.01, 0.02]]
 

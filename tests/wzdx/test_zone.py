@@ -37,7 +37,7 @@ def test_a_drive_must_lead_along_the_zone_and_not_past_its_side(
     row_m = 10.0 * np.array([np.cos(slant_rad), np.sin(slant_rad)])
     cones = [make_fix(name, k * row_m) for k, name in enumerate("abcd")]
     zone = zone_of(zone_pass([[-30.0, -3.0], [60.0, -3.0]], cones))
-    assert zone.along_m[-1] == pytest.approx(30.0 * np.cos(slant_rad))
+    assert zone.parts[0].along_m[-1] == pytest.approx(30.0 * np.cos(slant_rad))
     assert zone.reliable == along
     assert bool(zone.reasons) != along
 
@@ -50,7 +50,7 @@ def test_results_read_back_give_the_same_zone(tmp_path: Path) -> None:
     assert [cone.anchor_id for cone in read.cones] == [cone.anchor_id for cone in zone.cones]
     assert read.unlocated == ("cone-1",)
     assert read.frame == SITE
-    assert read.line_m == pytest.approx(zone.line_m, abs=1e-3)
+    assert read.parts[0].line_m == pytest.approx(zone.parts[0].line_m, abs=1e-3)
     for one, other in zip(read.cones, zone.cones, strict=True):
         assert one.covariance_m2 == pytest.approx(other.covariance_m2)
         assert (one.status, one.n_ranges) == (other.status, other.n_ranges)
@@ -65,7 +65,9 @@ def test_a_drive_across_the_180th_meridian_is_one_path_again(tmp_path: Path) -> 
     geojson: Any = boundary_geojson(result)
     (tmp_path / "boundary.geojson").write_text(json.dumps(geojson))
     assert len(geojson["features"][0]["geometry"]["coordinates"]) == 3
-    assert read_zone(tmp_path).line_m == pytest.approx(zone_of(result).line_m, abs=1e-3)
+    assert read_zone(tmp_path).parts[0].line_m == pytest.approx(
+        zone_of(result).parts[0].line_m, abs=1e-3
+    )
     date = datetime(2026, 11, 22, tzinfo=UTC)
     event: Any = make_feeds(read_zone(tmp_path), feed_config(), date).work_zone["features"]
     assert all(lon > 179.9 for lon, _ in event[0]["geometry"]["coordinates"])

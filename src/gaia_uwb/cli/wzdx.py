@@ -162,8 +162,10 @@ def _print_problems(found: Mapping[Path, list[Problem]] | Mapping[str, list[Prob
 def _print_zone(zone: FeedZone, paths: Sequence[Path]) -> None:
     import numpy as np
 
-    length_m = float(np.hypot(*np.diff(zone.line_m, axis=0).T).sum())
-    lines = [f"{zone.name}: {len(zone.cones)} cones along {length_m:.0f} m"]
+    lines = []
+    for part in zone.parts:
+        length_m = float(np.hypot(*np.diff(part.line_m, axis=0).T).sum())
+        lines.append(f"{zone.name}: {len(part.cones)} cones along {length_m:.0f} m")
     if zone.unlocated:
         lines.append(f"  skipped, not located: {', '.join(zone.unlocated)}")
     lines += [f"  unreliable: {reason}" for reason in zone.reasons]

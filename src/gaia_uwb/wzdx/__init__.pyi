@@ -1,10 +1,12 @@
 from .dates import parse_date as parse_date
 from .feeds import Feeds as Feeds, make_feeds as make_feeds, write_feeds as write_feeds
+from .parts import FeedPart as FeedPart, RoadZone as RoadZone
 from .problems import Problem as Problem
 from .schemas import OfficialSchemas as OfficialSchemas
 from .settings import (
     DataSourceConfig as DataSourceConfig,
     FeedConfig as FeedConfig,
+    LaneConfig as LaneConfig,
     load_feed_config as load_feed_config,
     make_feed_config as make_feed_config,
 )

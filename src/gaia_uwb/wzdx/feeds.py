@@ -9,12 +9,13 @@ the reasons in the event's description and the devices' messages.
 from __future__ import annotations
 
 import json
+import math
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from gaia_uwb._shared import Array, ConfigError, Float64, InputError, OutputFold
 from gaia_uwb.estimate import AnchorFix, AnchorStatus
 from gaia_uwb.outputs import Json, lon_lat
 from gaia_uwb.wzdx.dates import date_text
+from gaia_uwb.wzdx.parts import FeedPart, RoadZone
 from gaia_uwb.wzdx.settings import FeedConfig
 from gaia_uwb.wzdx.validate import validate_document
 from gaia_uwb.wzdx.wording import (
@@ -57,7 +59,7 @@ class Feeds:
 
 
 def make_feeds(zone: FeedZone, config: FeedConfig, update_date: datetime) -> Feeds:
-    """Return both feeds of a work zone.
+    """Return both feeds of a log's work zones: a road event for each, and a device for each cone.
 
     Parameters
     ----------
@@ -77,8 +79,8 @@ def make_feeds(zone: FeedZone, config: FeedConfig, update_date: datetime) -> Fee
     """
     writer = _Writer.of(zone, config, update_date)
     feeds = Feeds(
-        work_zone=writer.collection([writer.event()], writer.line_degrees),
-        device=writer.collection(list(writer.devices()), writer.cone_degrees),
+        work_zone=writer.collection(list(writer.events())),
+        device=writer.collection(list(writer.devices())),
     )
     for feed in (feeds.work_zone, feeds.device):
         errors = [problem for problem in validate_document(feed) if problem.is_error]
@@ -121,9 +123,7 @@ class _Writer:
     zone: FeedZone
     config: FeedConfig
     date: str
-    cones: tuple[AnchorFix, ...]  # upstream to downstream
-    cone_degrees: list[list[float]]
-    line_degrees: list[list[float]]
+    events_found: tuple[_Event, ...]  # upstream to downstream
 
     @classmethod
     def of(cls, zone: FeedZone, config: FeedConfig, update_date: datetime) -> _Writer:
@@ -135,16 +135,13 @@ class _Writer:
         unknown -= set(zone.unlocated)
         if unknown:
             raise ConfigError(f"device_ids: {zone.name} has no cone {sorted(unknown)[0]!r}")
-        step = -1 if config.against_traffic else 1
-        cones, line_m = zone.cones[::step], zone.line_m[::step]
-        cones_m = np.array([cone.position_m for cone in cones])
-        line = _without_repeats(_degrees(zone, line_m))
-        if len(line) < 2:
-            raise InputError("its line is shorter than a centimetre", source=zone.name)
-        return cls(zone, config, date, cones, _degrees(zone, cones_m), line)
+        step: Literal[-1, 1] = -1 if config.against_traffic else 1
+        events = [_Event.of(part, zone, step) for part in zone.parts[::step]]
+        return cls(zone, config, date, tuple(events))
 
-    def collection(self, features: Sequence[Json], degrees: list[list[float]]) -> Json:
-        places = np.array(degrees)
+    def collection(self, features: Sequence[Json]) -> Json:
+        shapes: list[Any] = [feature["geometry"] for feature in features]
+        places = np.concatenate([np.array(s["coordinates"]).reshape(-1, 2) for s in shapes])
         if np.ptp(places[:, 0]) > 180.0:
             problem = "it crosses the 180th meridian, which a feed's line must not"
             raise InputError(problem, source=self.zone.name)
@@ -187,37 +184,46 @@ class _Writer:
         source = self.config.data_source
         return source.data_source_id or _derived("data-source", source.organization_name)
 
-    @property
-    def event_id(self) -> str:
-        return self.config.event_id or self._id("event")
+    def event_id(self, number: int) -> str:
+        """Return the id of an event; the first one's is what it is without any others."""
+        if self.config.event_id:
+            return self.config.event_id if number == 1 else f"{self.config.event_id}-{number}"
+        return self._id("event") if number == 1 else self._id("event", str(number))
 
     def _id(self, *words: str) -> str:
         return _derived(self.data_source_id, self.config.zone or self.zone.name, *words)
 
-    def event(self) -> Json:
+    def events(self) -> Iterator[Json]:
+        for number, event in enumerate(self.events_found, start=1):
+            yield self.event(event, number)
+
+    def event(self, event: _Event, number: int) -> Json:
         config = self.config
+        first, last = event.cones[0], event.cones[-1]
+        start_m, end_m = event.within_m
         properties: dict[str, object] = {
-            "core_details": self._core_details(),
+            "core_details": self._core_details(event),
             "start_date": date_text(config.start_date),
             "end_date": date_text(config.end_date),
             "is_start_date_verified": config.start_date_verified,
             "is_end_date_verified": config.end_date_verified,
-            "is_start_position_verified": self._is_verified(config.start_position, self.cones[0]),
-            "is_end_position_verified": self._is_verified(config.end_position, self.cones[-1]),
+            "is_start_position_verified": self._is_verified(config.start_position, first, start_m),
+            "is_end_position_verified": self._is_verified(config.end_position, last, end_m),
             "location_method": "channel-device-method",
             "vehicle_impact": config.vehicle_impact,
             "work_zone_type": config.work_zone_type,
+            "lanes": [lane.model_dump() for lane in config.lanes] or None,
             "reduced_speed_limit_kph": config.reduced_speed_limit_kph,
             "event_status": config.event_status,
         }
         if config.deprecated_members:
             properties |= _deprecated(properties)
         if config.extension:
-            properties["gaia"] = self._zone_extension()
-        geometry = {"type": "LineString", "coordinates": self.line_degrees}
-        return _feature(self.event_id, _present(properties), geometry)
+            properties["gaia"] = self._zone_extension(event)
+        geometry = {"type": "LineString", "coordinates": event.line_degrees}
+        return _feature(self.event_id(number), _present(properties), geometry)
 
-    def _core_details(self) -> Json:
+    def _core_details(self, event: _Event) -> Json:
         config = self.config
         return _present(
             {
@@ -226,15 +232,15 @@ class _Writer:
                 "road_names": list(config.road_names),
                 "direction": config.direction,
                 "name": config.name,
-                "description": self._description(),
+                "description": self._description(event),
                 "creation_date": config.creation_date and date_text(config.creation_date),
                 "update_date": self.date,
                 "project_id": config.project_id,
             }
         )
 
-    def _description(self) -> str:
-        n = len(self.cones)
+    def _description(self, event: _Event) -> str:
+        n = len(event.cones)
         words = [self.config.description] if self.config.description else []
         words.append(f"Located by UWB ranging from a vehicle to {n} cones.")
         if self.zone.stated:
@@ -247,28 +253,30 @@ class _Writer:
         return " ".join(words)
 
     def _is_verified(
-        self, wanted: Literal["auto", "verified", "estimated"], cone: AnchorFix
+        self, wanted: Literal["auto", "verified", "estimated"], cone: AnchorFix, within_m: float
     ) -> bool:
         if wanted != "auto":
             return wanted == "verified"
-        radius_m = confidence_radius_m(cone)
+        radius_m = within_m if math.isfinite(within_m) else confidence_radius_m(cone)
         within = radius_m is not None and radius_m <= self.config.verified_below_m
         doubted = self.zone.doubts or self.zone.stated
         return within and cone.status is AnchorStatus.OK and not doubted
 
     def devices(self) -> Iterator[Json]:
-        for k, (cone, place) in enumerate(zip(self.cones, self.cone_degrees, strict=True)):
-            properties: dict[str, object] = {
-                "core_details": self._device_details(cone),
-                "marked_locations": self._marked_locations(k),
-            }
-            if self.config.extension:
-                properties["gaia"] = cone_extension(cone)
-            geometry = {"type": "Point", "coordinates": place}
-            device_id = self.config.device_ids.get(cone.anchor_id)
-            yield _feature(device_id or self._id("cone", cone.anchor_id), properties, geometry)
+        for number, event in enumerate(self.events_found, start=1):
+            event_id = self.event_id(number)
+            for k, (cone, place) in enumerate(zip(event.cones, event.cone_degrees, strict=True)):
+                properties: dict[str, object] = {
+                    "core_details": self._device_details(cone, event_id),
+                    "marked_locations": self._marked_locations(k, len(event.cones), event_id),
+                }
+                if self.config.extension:
+                    properties["gaia"] = cone_extension(cone)
+                geometry = {"type": "Point", "coordinates": place}
+                device_id = self.config.device_ids.get(cone.anchor_id)
+                yield _feature(device_id or self._id("cone", cone.anchor_id), properties, geometry)
 
-    def _device_details(self, cone: AnchorFix) -> Json:
+    def _device_details(self, cone: AnchorFix, event_id: str) -> Json:
         config = self.config
         doubtful = cone.status is not AnchorStatus.OK or bool(self.zone.doubts)
         return {
@@ -282,26 +290,65 @@ class _Writer:
             "name": cone.anchor_id,
             "status_messages": [*cone_messages(cone), *map(shortened, self.zone.doubts)],
             "is_moving": False,
-            "road_event_ids": [self.event_id],
+            "road_event_ids": [event_id],
         }
 
-    def _marked_locations(self, k: int) -> list[Json]:
+    def _marked_locations(self, k: int, n_cones: int, event_id: str) -> list[Json]:
         kinds = ["delineator"]
         if self.config.mark_ends and k == 0:
             kinds.append("work-zone-start")
-        if self.config.mark_ends and k == len(self.cones) - 1:
+        if self.config.mark_ends and k == n_cones - 1:
             kinds.append("work-zone-end")
-        return [{"type": kind, "road_event_id": self.event_id} for kind in kinds]
+        return [{"type": kind, "road_event_id": event_id} for kind in kinds]
 
-    def _zone_extension(self) -> Json:
+    def _zone_extension(self, event: _Event) -> Json:
+        """Return what the specifications have no member for: edges, closed area and hull."""
         hull = _degrees(self.zone, self.zone.hull_m)
-        boundary = {"type": "Polygon", "coordinates": [[*hull, hull[0]]]} if len(hull) > 2 else None
+        road = event.road
+        lines = [] if road is None else [_degrees(self.zone, m) for m in road.edges_m if len(m) > 1]
+        closed = [] if road is None else [
+            [_ring(_degrees(self.zone, ring_m)) for ring_m in rings_m] for rings_m in road.closed_m
+        ]  # fmt: skip
         return {
-            "boundary": boundary,
+            "edges": _geometry("MultiLineString", lines),
+            "closed_area": _geometry("MultiPolygon", closed),
+            "hull": _geometry("Polygon", [_ring(hull)] if len(hull) > 2 else []),
             "status": "ok" if self.zone.reliable else "unreliable",
             "reasons": list(self.zone.reasons),
             "unlocated": list(self.zone.unlocated),
         }
+
+
+@dataclass(frozen=True)
+class _Event:
+    """One work zone, upstream to downstream."""
+
+    cones: tuple[AnchorFix, ...]
+    cone_degrees: list[list[float]]
+    line_degrees: list[list[float]]
+    within_m: tuple[float, float]
+    road: RoadZone | None
+
+    @classmethod
+    def of(cls, part: FeedPart, zone: FeedZone, step: Literal[-1, 1]) -> _Event:
+        """Return a part of a zone as it is, or turned around."""
+        cones, line_m = part.cones[::step], part.line_m[::step]
+        line = _without_repeats(_degrees(zone, line_m))
+        if len(line) < 2:
+            raise InputError("its line is shorter than a centimetre", source=zone.name)
+        places = _degrees(zone, np.array([cone.position_m for cone in cones]))
+        start_m, end_m = (math.nan, math.nan) if part.road is None else part.road.within_m
+        within_m = (start_m, end_m) if step > 0 else (end_m, start_m)
+        return cls(cones, places, line, within_m, part.road)
+
+
+def _ring(places: list[list[float]]) -> list[list[float]]:
+    return [*places, places[0]]
+
+
+def _geometry(kind: str, coordinates: Sequence[object]) -> Json | None:
+    """Return a geometry; None without any coordinates."""
+    return {"type": kind, "coordinates": list(coordinates)} if coordinates else None
 
 
 def _degrees(zone: FeedZone, position_m: Float64[Array, "K 2"]) -> list[list[float]]:

@@ -21,7 +21,15 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, mo
 from gaia_uwb._shared import ConfigError, read_yaml
 from gaia_uwb.config import Settings, settings_problems
 from gaia_uwb.wzdx.dates import EXPECTED, in_utc, parse_date
-from gaia_uwb.wzdx.words import Direction, EventStatus, Profile, VehicleImpact, WorkZoneType
+from gaia_uwb.wzdx.words import (
+    Direction,
+    EventStatus,
+    LaneStatus,
+    LaneType,
+    Profile,
+    VehicleImpact,
+    WorkZoneType,
+)
 
 
 def _as_date(value: object) -> object:
@@ -51,6 +59,15 @@ class DataSourceConfig(Settings):
     """Seconds between updates; CWZ requires it."""
 
 
+class LaneConfig(Settings):
+    """One lane of the road; a feed that names lanes names all of them."""
+
+    order: int = Field(ge=1, le=50)
+    """Counted from the left in the direction of traffic, from 1."""
+    status: LaneStatus
+    type: LaneType = "general"
+
+
 class FeedConfig(Settings):
     """Everything in the two feeds that is not in the log."""
 
@@ -71,12 +88,15 @@ class FeedConfig(Settings):
     """Whether somebody has confirmed that work has ended."""
     vehicle_impact: VehicleImpact = "unknown"
     """What is closed; a log of ranges cannot show it."""
+    lanes: list[LaneConfig] = Field(default_factory=list, max_length=50)
+    """All lanes of the road, each once; by default none are named."""
     work_zone_type: WorkZoneType = "static"
     start_position: Literal["auto", "verified", "estimated"] = "auto"
-    """``auto``: verified if the zone's first cone is located well, see ``verified_below_m``."""
+    """``auto``: verified if the zone's start is known well, see ``verified_below_m``."""
     end_position: Literal["auto", "verified", "estimated"] = "auto"
     verified_below_m: float = Field(default=1.0, gt=0, le=100)
-    """``auto`` calls an end verified if the 95 % radius of its cone is below this."""
+    """``auto`` calls an end verified if it is known to this along the road, at either side, with
+    90 % probability; where that is unknown, if the 95 % radius of its cone is below this."""
     against_traffic: bool = False
     """The log was driven against the traffic of this work zone, on the other carriageway."""
     zone: Text | None = None
@@ -103,7 +123,7 @@ class FeedConfig(Settings):
     project_id: Text | None = None
     """CWZ only."""
     extension: bool = False
-    """Add a member ``gaia`` with covariances and the boundary's polygon."""
+    """Add a member ``gaia`` with covariances, edges, closed area and hull."""
     update_frequency_s: int | None = Field(default=None, ge=-1, le=10**9)
     """Seconds between updates of the feeds; CWZ requires it."""
     license: Literal["CC0-1.0"] | None = None
@@ -117,6 +137,9 @@ class FeedConfig(Settings):
             raise ValueError("end_date: expected a date after start_date")
         if len(set(self.device_ids.values())) < len(self.device_ids):
             raise ValueError("device_ids: ids must be unique")
+        orders = sorted(lane.order for lane in self.lanes)
+        if orders != list(range(1, len(orders) + 1)):
+            raise ValueError(f"lanes: expected every lane once, with the orders 1 to {len(orders)}")
         if self.profile == "cwz-1.0":
             self._check_cwz()
         else:

@@ -1,4 +1,4 @@
-"""The work zone as a road user meets it: cones and a line, in the order of travel.
+"""The work zones of a log as a road user meets them: cones and lines, in the order of travel.
 
 It comes from a reconstruction, or from the files that one has left. Without a position on Earth, or
 without two cones along the path, there is no zone that a feed could describe.
@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64, InputError, shown
+from gaia_uwb._shared import Array, Float64, InputError, shown, some_of
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, Reason, ReasonKind
 from gaia_uwb.projection import to_local
 from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
 from gaia_uwb.scene import LocalFrame
+from gaia_uwb.wzdx.parts import FeedPart, RoadZone, make_parts, read_road_zones, road_zones
 from gaia_uwb.wzdx.strict_json import read_json
-from gaia_uwb.wzdx.travel import passed_at, stretch, thinned
+from gaia_uwb.wzdx.travel import passed_at, thinned
 
 _ALONG = 0.5  # of the zone's extent: a drive along it has a longer way
 _FARTHEST_M, _LARGEST_M2 = 1e7, 1e100  # a poor fix may be far off, but not farther
@@ -28,7 +29,7 @@ _LONGEST_TEXT = 1000
 
 @dataclass(frozen=True)
 class FeedZone:
-    """A reconstructed work zone with a place on Earth.
+    """The reconstructed work zones of a log, with a place on Earth.
 
     Parameters
     ----------
@@ -36,12 +37,8 @@ class FeedZone:
         The scene's name.
     frame
         Ties the local frame to WGS84.
-    cones
-        The located anchors, in the order in which the vehicle passed them; at least two.
-    along_m : (K,)
-        Where along the path each was passed, in metres from the start of the line.
-    line_m : (P, 2)
-        The vehicle's path from the first cone to the last one, in metres.
+    parts
+        The work zones along the road, in the order in which the vehicle passed them; at least one.
     hull_m : (H, 2)
         Convex hull of the cones, counter-clockwise, not closed, in metres.
     unlocated
@@ -58,9 +55,7 @@ class FeedZone:
 
     name: str
     frame: LocalFrame
-    cones: tuple[AnchorFix, ...]
-    along_m: Float64[Array, "K"]
-    line_m: Float64[Array, "P 2"]
+    parts: tuple[FeedPart, ...]
     hull_m: Float64[Array, "H 2"]
     unlocated: tuple[str, ...]
     reliable: bool
@@ -68,9 +63,26 @@ class FeedZone:
     reasons: tuple[str, ...]
     stated: tuple[str, ...]
 
+    @property
+    def cones(self) -> tuple[AnchorFix, ...]:
+        """The cones of all zones, in the order in which the vehicle passed them."""
+        return tuple(cone for part in self.parts for cone in part.cones)
+
+
+@dataclass(frozen=True)
+class _Result:
+    """What a reconstruction, or the files that it left, say; without reasons it is reliable."""
+
+    name: str
+    anchors: tuple[AnchorFix, ...]
+    hull_m: Float64[Array, "H 2"]
+    reasons: tuple[Reason, ...] | None
+    stated: tuple[str, ...]
+    zones: tuple[RoadZone, ...]
+
 
 def zone_of(reconstruction: Reconstruction) -> FeedZone:
-    """Return the work zone that a reconstruction found.
+    """Return the work zones that a reconstruction found.
 
     Raises
     ------
@@ -79,15 +91,16 @@ def zone_of(reconstruction: Reconstruction) -> FeedZone:
         pass along them.
     """
     episode = reconstruction.episode
-    return _make_zone(
-        reconstruction.name,
-        episode.frame,
-        reconstruction.anchors,
-        episode.position_m,
-        reconstruction.boundary.hull_m,
-        None if reconstruction.status is ReconstructionStatus.OK else reconstruction.reasons,
-        reconstruction.stated,
+    good = reconstruction.status is ReconstructionStatus.OK
+    result = _Result(
+        name=reconstruction.name,
+        anchors=reconstruction.anchors,
+        hull_m=reconstruction.boundary.hull_m,
+        reasons=None if good else reconstruction.reasons,
+        stated=reconstruction.stated,
+        zones=road_zones(reconstruction.road_boundary),
     )
+    return _make_zone(result, episode.frame, episode.position_m)
 
 
 def read_zone(folder: Path) -> FeedZone:
@@ -112,13 +125,15 @@ def read_zone(folder: Path) -> FeedZone:
         reasons = None if report["status"] == "ok" else tuple(map(_read_reason, report["reasons"]))
         stated = tuple(map(_text, report["stated"]))
         name = _text(report["scene"])
+        zones = read_road_zones(report.get("road_boundary"))
     except (KeyError, TypeError, ValueError, OverflowError, InputError) as error:
         what = f"{type(error).__name__}: {error}"
         raise InputError(f"not a report of this version ({what})", source=folder) from error
     if frame is None:
         raise _without_place(name)
     path_m = _read_path(folder / "boundary.geojson", name, frame)
-    return _make_zone(name, frame, anchors, path_m, hull_m, reasons, stated)
+    result = _Result(name, tuple(anchors), hull_m, reasons, stated, zones)
+    return _make_zone(result, frame, path_m)
 
 
 def _read_fix(row: Mapping[str, Any]) -> AnchorFix:
@@ -199,15 +214,10 @@ def _pairs(line: object) -> Float64[Array, "T 2"]:
 
 
 def _make_zone(
-    name: str,
-    frame: LocalFrame | None,
-    anchors: Sequence[AnchorFix],
-    path_m: Float64[Array, "T 2"],
-    hull_m: Float64[Array, "H 2"],
-    reasons: tuple[Reason, ...] | None,
-    stated: tuple[str, ...],
+    result: _Result, frame: LocalFrame | None, path_m: Float64[Array, "T 2"]
 ) -> FeedZone:
-    """Put cones and line into the order of travel; ``reasons`` is None for a reliable result."""
+    """Put cones and lines into the order of travel."""
+    name, anchors, reasons = result.name, result.anchors, result.reasons
     if frame is None:
         raise _without_place(name)
     located = [anchor for anchor in anchors if anchor.status.has_position]
@@ -215,32 +225,38 @@ def _make_zone(
         problem = f"a work zone's line needs at least two located cones, got {len(located)}"
         raise InputError(problem, source=name)
     path_m = thinned(path_m)
-    along_m = passed_at(path_m, np.array([anchor.position_m for anchor in located]))
-    line_m = stretch(path_m, float(along_m.min()), float(along_m.max()))
-    if len(line_m) < 2:
+    at_m = passed_at(path_m, np.array([anchor.position_m for anchor in located]))
+    parts = make_parts(path_m, located, at_m, result.zones)
+    if not parts:
         problem = "the drive does not pass along the cones, so the zone has no start and end"
         raise InputError(problem, source=name)
-    order = np.argsort(along_m, kind="stable")
     doubts = () if reasons is None else _doubts(reasons)
-    across = tuple(_across(located, line_m))
+    across = tuple(words for part in parts for words in _across(part))
+    alone = tuple(_alone(located, parts))
     return FeedZone(
         name=name,
         frame=frame,
-        cones=tuple(located[k] for k in order),
-        along_m=along_m[order] - along_m.min(),
-        line_m=line_m,
-        hull_m=hull_m,
+        parts=parts,
+        hull_m=result.hull_m,
         unlocated=tuple(anchor.anchor_id for anchor in anchors if not anchor.status.has_position),
         reliable=reasons is None and not across,
         doubts=(*doubts, *across),
-        reasons=(*map(str, reasons or ()), *across),
-        stated=stated,
+        reasons=(*map(str, reasons or ()), *across, *alone),
+        stated=result.stated,
     )
 
 
-def _across(cones: Sequence[AnchorFix], line_m: Float64[Array, "P 2"]) -> Iterator[str]:
+def _alone(located: Sequence[AnchorFix], parts: Sequence[FeedPart]) -> Iterator[str]:
+    """Say in words which cones are in no zone that a line can describe."""
+    in_zones = {cone.anchor_id for part in parts for cone in part.cones}
+    lost = [cone.anchor_id for cone in located if cone.anchor_id not in in_zones]
+    if lost:
+        yield f"in no work zone with two cones, and left out: {some_of(lost)}"
+
+
+def _across(part: FeedPart) -> Iterator[str]:
     """Say in words if a drive leads past the zone's side or ends in it, not along it."""
-    position_m = np.array([cone.position_m for cone in cones])
+    position_m, line_m = np.array([cone.position_m for cone in part.cones]), part.line_m
     apart_m = float(max(np.hypot(*(position_m - one_m).T).max() for one_m in position_m))
     length_m = float(np.hypot(*np.diff(line_m, axis=0).T).sum())
     if length_m < _ALONG * apart_m:
