@@ -133,3 +133,23 @@ def test_hostile_ids_stay_text(chromium: Browser, road_pages: dict[str, Path]) -
     assert f"may stand in it ({HOSTILE[0]})" in " ".join(texts(chromium, "#road li"))
     count = "document.querySelectorAll('img, iframe, aside script, main script').length"
     assert chromium.evaluate(count) == 0
+
+
+def test_marks_of_crowded_cones_are_small_until_there_is_room(
+    chromium: Browser, road_pages: dict[str, Path]
+) -> None:
+    size = "document.querySelector('.place .mark').getBoundingClientRect().width"
+    show(chromium, road_pages["open"], PHONE)
+    chromium.evaluate("showDrive()")
+    chromium.settle()
+    small = chromium.evaluate(size)
+    chromium.evaluate("zoom(8)")
+    chromium.settle()
+    assert chromium.evaluate(size) == pytest.approx(2.0 * small, rel=0.1)
+
+
+def test_names_of_options_stay_whole(chromium: Browser, road_pages: dict[str, Path]) -> None:
+    show(chromium, road_pages["open"], PHONE)
+    assert texts(chromium, "#status code") == ["--closed-width", "--closed-lanes", "--road-edge"]
+    heights = "[...document.querySelectorAll('#status code')].map((e) => e.getClientRects().length)"
+    assert chromium.evaluate(heights) == [1, 1, 1]

@@ -47,7 +47,7 @@ def test_an_open_row_is_told_by_its_edge_and_the_hull_comes_last() -> None:
     report = people_report(make_road_result(make_road(make_zone(STRAIGHT))))
     first = report.splitlines()[2]
     assert first.startswith(f"**Reliable.** All 8 cones were located. {EDGE} Behind it is an open")
-    assert "--closed-width, --closed-lanes or --road-edge to get an area." in first
+    assert "`--closed-width`, `--closed-lanes` or `--road-edge` to get an area." in first
     found = part(report, "What was found")
     assert found[-1].startswith(f"- {HULL}")
     assert not any("covers" in line for line in found[:-1])
@@ -58,7 +58,9 @@ def test_a_closed_area_is_the_area_that_is_told() -> None:
     zone = make_zone(STRAIGHT, make_edge(STRAIGHT, ids_of(8)), closed=closed_strip(STRAIGHT))
     report = people_report(make_road_result(make_road(zone)))
     assert f"{EDGE} 648 m² are closed to traffic." in report.splitlines()[2]
-    assert "- Closed to traffic: 648 m², as wide as stated." in part(report, "What was found")
+    assert "- Closed to traffic: 648 m², as wide as stated, without what was driven over." in part(
+        report, "What was found"
+    )
     inner_m2, outer_m2 = (region.area_m2 for region in (zone.closed.inner, zone.closed.outer))
     assert (
         f"- A region of {inner_m2:.0f} m² is closed with 90 % confidence; all that is closed lies "

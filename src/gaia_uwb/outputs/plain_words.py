@@ -6,6 +6,7 @@ from the reconstruction; ids and names are shown as text, whatever characters th
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -43,6 +44,7 @@ _STATES = {
     AnchorStatus.MOVED: "probably moved",
     AnchorStatus.TOO_FEW_RANGES: "not located",
 }
+_OPTION = re.compile(r"--[a-z-]+")
 _SMALL_S, _SMALL_M = 0.0005, 0.005  # less than this is not worth a sentence
 
 
@@ -100,7 +102,7 @@ def _summary(reconstruction: Reconstruction) -> Iterator[str]:
     good = reconstruction.status is ReconstructionStatus.OK
     verdict = "Reliable." if good else "Needs review."
     verb = "was" if n_cones == 1 else "were"
-    zone = summary_words(reconstruction)
+    zone = _OPTION.sub(r"`\g<0>`", summary_words(reconstruction))
     yield f"**{verdict}** {located[:1].upper()}{located[1:]} {verb} located. {zone}"
     # Problems of single cones are stated here in plainer words, and below with numbers.
     others = [reason.text for reason in reconstruction.reasons if not reason.kind.is_anchor_status]

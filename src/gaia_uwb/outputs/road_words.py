@@ -188,7 +188,8 @@ def _zone(zone: WorkZone, name: Name) -> Iterator[str]:
         )
     else:
         source = _WIDTHS[zone.closed.width_source]
-        yield f"Closed to traffic: {square_metres(zone.closed.region.area_m2)}, {source}."
+        area = square_metres(zone.closed.region.area_m2)
+        yield f"Closed to traffic: {area}, {source}, without what was driven over."
     passed = zone.drove_through
     if passed is not None:
         between = some_of([name(cone) for cone in passed.cones])

@@ -18,6 +18,7 @@ const mirrors = new Map(all.filter((f) => f.role === "mirror").map((cone) => [co
 const order = report.anchors.map((anchor) => anchor.id);
 const anchors = new Map(report.anchors.map((anchor) => [anchor.id, anchor]));
 const origin = all[0].points[0];  // browsers draw in single precision: keep numbers small
+let spacing = Infinity;  // metres between neighbouring cones
 const steps = timeline.t_s.length;
 // The hull is another shape than what a driver sees, unless the cones stand around an area.
 const hullLeads = road === null;

@@ -97,6 +97,13 @@ function drawPlaces() {
   }
 }
 
+// Metres from a cone to the nearest other one: half of the cones stand closer to another, half not.
+function usualSpacing() {
+  const nearest = places.map((one) => Math.min(...places.filter((other) => other !== one)
+    .map((other) => Math.hypot(other.east - one.east, other.north - one.north))));
+  return nearest.sort((a, b) => a - b)[nearest.length >> 1] ?? Infinity;
+}
+
 function take(place) {
   if (ruler.active) addToRuler(place); else select(place.id);
 }

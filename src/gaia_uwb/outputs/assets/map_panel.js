@@ -161,8 +161,11 @@ function tellStatus() {
       : "too few cones for a boundary";
   const found = cones.size === order.length && order.length > 1
     ? `All ${order.length}` : `${cones.size} of ${order.length}`;
-  const zone = road === null ? `, ${area}.` : `. ${road.summary}`;
+  const zone = road === null ? `, ${area}.` : ". ";
   html("span", ` ${found} cones located${zone}`, byId("status"));
+  // Names of options are not broken at the end of a line.
+  for (const [k, words] of (road?.summary ?? "").split(/(--[a-z-]+)/).entries())
+    html(k % 2 ? "code" : "span", words, byId("status"));
   for (const words of road?.details ?? []) html("li", words, byId("road"));
   byId("road-part").hidden = road === null;
   for (const reason of report.reasons) html("li", reason.text, byId("reasons"));
@@ -207,6 +210,7 @@ byId("clock").textContent = steps ? `0.0 / ${timeline.t_s[steps - 1].toFixed(1)}
 drawAreas();
 showHull(hullLeads);
 drawPlaces();
+spacing = usualSpacing();
 tellStatus();
 listCones();
 listLegend();

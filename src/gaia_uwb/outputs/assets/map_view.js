@@ -29,6 +29,8 @@ function draw() {
     place.y = toY(place.north);
     place.group.setAttribute("transform", `translate(${place.x} ${place.y})`);
   }
+  // Marks that touch each other would hide the edge that they stand on.
+  marks.classList.toggle("crowded", spacing * view.scale < 22);
   screen.replaceChildren();
   drawStart();
   drawLinks();
