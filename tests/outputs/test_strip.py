@@ -177,7 +177,7 @@ def test_the_title_tells_the_edge() -> None:
     assert " ".join(texts[1:]).startswith(
         "All 8 cones located. The edge runs 2.9 to 3.1 m right of your path from 100 to 280 m;"
     )
-    assert all(len(text) <= 130 for text in texts)
+    assert all(len(text) <= 136 for text in texts)
 
 
 def test_truth_is_drawn_along_the_road_too() -> None:

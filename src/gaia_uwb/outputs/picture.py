@@ -41,7 +41,7 @@ _INNER, _OUTER = "#009E73", "#7A4FA3"
 _SIZE_IN = (10.0, 9.0)
 _MOST_RANGES = 100_000  # more dots than this the picture has no pixels for
 _MOST_NAMES = 12
-_LINE_LETTERS = 130  # of a line below the title
+_LINE_LETTERS, _LETTERS = 136, 400  # of a line below the title, and of all
 
 
 @plain_style()
@@ -82,7 +82,7 @@ def plot_reconstruction(
         axes = figure.add_axes((0.07, 0.51, 0.63, 0.39))
         cones, known_m = cones.along(road.line), road.line.locate(known_m)
         draw_strip(axes, road, cones)
-        axes.set_title("along the road, wider than it is", size=9, loc="left", pad=3)
+        axes.set_title("along the road, drawn wider than it is", size=9, loc="left", pad=3)
     elif len(zone_m) and np.ptp(drive_m, axis=0).max() > 3.0 * np.ptp(zone_m, axis=0).max():
         overview = _add_site(figure, (0.07, 0.51, 0.39, 0.39), drive_m)
         axes = _add_site(figure, (0.535, 0.51, 0.445, 0.39), zone_m)
@@ -120,11 +120,11 @@ def _write_title(figure: Figure, reconstruction: Reconstruction) -> None:
         summary = f"{status.value.upper()}: {'; '.join(map(str, reconstruction.reasons))}"
         colour = WARNING
     name = short_name(reconstruction.name, 80)
-    figure.text(0.07, 0.965, name, size=13, weight="bold", color=INK, parse_math=False)
-    lines = wrap(short_name(summary, 2 * _LINE_LETTERS), _LINE_LETTERS)
-    for k, line in enumerate(lines[:2]):
-        place = (0.07, 0.943 - 0.018 * k)
-        figure.text(*place, line, size=9.5, color=colour, parse_math=False)
+    figure.text(0.07, 0.968, name, size=13, weight="bold", color=INK, parse_math=False)
+    lines = wrap(short_name(summary, _LETTERS), _LINE_LETTERS, max_lines=2, placeholder="…")
+    for k, line in enumerate(lines):
+        place = (0.07, 0.945 - 0.018 * k)
+        figure.text(*place, line, size=9.0, color=colour, parse_math=False)
 
 
 def _add_site(

@@ -21,6 +21,7 @@ from gaia_uwb.zone import Region
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_SURE = "#7A4FA3"
 _LONG = 4.0  # times as long as wide
 Line = Callable[[Float64[Array, "K 2"]], Float64[Array, "L 2"]]
 """From points on the ground to those in the picture."""
@@ -131,7 +132,7 @@ def _draw_areas(axes: Axes, to: Line, zone: WorkZone, once: _Labels) -> None:
             (zone.closed.outer, "-.", "contains what is closed (90 %)"),
         ):
             for ring_m in _rings(region):
-                axes.plot(*to(ring_m).T, style, color=PATH, lw=1.0, label=once(label), zorder=2)
+                axes.plot(*to(ring_m).T, style, color=_SURE, lw=1.0, label=once(label), zorder=2)
     if zone.open_strip is not None:
         _fill(axes, to, _rings(zone.open_strip), fc=ZONE, alpha=0.18, zorder=1.5,
               label=once("behind the edge: no width known"))  # fmt: skip
