@@ -111,10 +111,8 @@ def test_gaps_are_named_and_may_hold_a_cone_that_was_not_located() -> None:
 
 def test_an_edge_without_a_settled_side_says_so() -> None:
     sure, open_ = (make_edge(STRAIGHT, ids_of(8), side_probability=p) for p in (0.999, 0.8))
-    assert "on the right of your path has" not in details(make_road(make_zone(STRAIGHT, sure)))
-    assert "That the edge is on the right of your path has 80 % probability." in details(
-        make_road(make_zone(STRAIGHT, open_))
-    )
+    assert edge_words(sure).startswith("runs 2.9 to 3.1 m right of your path from")
+    assert edge_words(open_).startswith("runs 2.9 to 3.1 m right (80 %) of your path from")
 
 
 def test_both_rows_have_an_edge_each_and_a_lane_between() -> None:

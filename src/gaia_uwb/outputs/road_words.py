@@ -91,8 +91,10 @@ def edge_words(edge: Edge) -> str:
     near, far = (f"{value_m:.1f}" for value_m in (beside_m.min(), beside_m.max()))
     across = f"{near} m" if near == far else f"{near} to {far} m"
     along = f"from {edge.station_m[0]:,.0f} to {edge.station_m[-1]:,.0f} m"
+    sure = edge.side_probability >= 1.0 - _LEAST_SHARE
+    side = edge.side.value if sure else f"{edge.side.value} ({percent(edge.side_probability)})"
     return (
-        f"runs {across} {edge.side.value} of your path {along}; the lane beside it is at least "
+        f"runs {across} {side} of your path {along}; the lane beside it is at least "
         f"{max(edge.free.at_least_m, 0.0):.1f} m free (90 %)"
     )
 
@@ -163,7 +165,6 @@ def square_metres(area_m2: float) -> str:
 def _zone(zone: WorkZone, name: Name) -> Iterator[str]:
     if zone.form is ZoneForm.AREA:  # the summary tells its area
         yield edges_words(zone)
-    yield from map(_side, filter(_is_in_doubt, zone.edges))
     if zone.lane is not None:
         yield (
             f"The lane between the edges is {metres(zone.lane.least_m)} wide at its narrowest, at "
@@ -197,15 +198,6 @@ def _zone(zone: WorkZone, name: Name) -> Iterator[str]:
             f"The vehicle drove through the zone ({percent(passed.probability)} probability), "
             f"from {passed.from_station_m:,.0f} to {passed.to_station_m:,.0f} m, past {between}."
         )
-
-
-def _is_in_doubt(edge: Edge) -> bool:
-    return edge.side_probability < 1.0 - _LEAST_SHARE
-
-
-def _side(edge: Edge) -> str:
-    share = percent(edge.side_probability)
-    return f"That the edge is on the {edge.side.value} of your path has {share} probability."
 
 
 def _area_in_short(zone: WorkZone) -> str:
