@@ -21,7 +21,7 @@ from gaia_uwb.estimate import (
     ReasonKind,
 )
 from gaia_uwb.locate import Hypotheses
-from gaia_uwb.roadside import Drive, RoadBoundary, find_zones
+from gaia_uwb.roadside import Drive, RoadBoundary, ZoneForm, find_zones
 from gaia_uwb.zone import (
     BoundaryUncertainty,
     Combinations,
@@ -173,9 +173,13 @@ class Reconstruction:
         from gaia_uwb._shared import Mark, sketch, summary
 
         located = [anchor for anchor in self.anchors if anchor.status.has_position]
+        zones = () if self.road_boundary is None else self.road_boundary.zones
+        is_hull = all(zone.form is ZoneForm.AREA for zone in zones)
+        area_m = self.boundary.hull_m if is_hull else None
+        rows_seen = "; ".join(f"{zone.form.message}, {zone.length_m:.0f} m long" for zone in zones)
+        seen = f"boundary {self.boundary_words}" if is_hull else rows_seen
         facts = [
-            f"{self.status.value}: {len(located)} of {len(self.anchors)} cones located, "
-            f"boundary {self.boundary_words}",
+            f"{self.status.value}: {len(located)} of {len(self.anchors)} cones located, {seen}",
             *map(str, self.reasons),
             *(f"note: {note}" for note in self.notes),
         ]
@@ -184,7 +188,7 @@ class Reconstruction:
             for a in located
         ]
         paths_m = [episode.position_m for episode, _ in self.passes]
-        picture = sketch(*paths_m, area_m=self.boundary.hull_m, marks=marks)
+        picture = sketch(*paths_m, area_m=area_m, marks=marks)
         head = ("cone", "status", "east (m)", "north (m)", "± m (90 %)", "other side", "ranges")
         rows = [_html_row(anchor) for anchor in self.anchors]
         return summary(self.name, facts, picture, head=head, rows=rows)

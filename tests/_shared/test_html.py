@@ -17,8 +17,10 @@ from gaia_uwb._shared.html import Mark, sketch, summary
 from gaia_uwb._shared.text import printable
 from gaia_uwb.estimate import AnchorStatus, Reason
 from gaia_uwb.reconstruction import ReconstructionStatus
+from gaia_uwb.roadside import ZoneForm
 from gaia_uwb.scene import ConeRanges, Tag
 from gaia_uwb.simulate import PRESETS, simulate_pass
+from road_zones import STRAIGHT, make_road, make_road_result, make_zone
 
 
 class Seen(HTMLParser):
@@ -61,6 +63,17 @@ def test_reconstruction_shows_the_verdict_and_every_anchor() -> None:
     ]  # fmt: skip
     assert seen.texts.count("cone-3") == 1  # in the table, not in the picture
     assert seen.texts.count("cone-1") == 2
+
+
+def test_a_row_of_cones_is_no_area() -> None:
+    row, area = (
+        Seen(make_road_result(make_road(make_zone(STRAIGHT, form=form)))._repr_html_())
+        for form in (ZoneForm.ONE_ROW, ZoneForm.AREA)
+    )
+    assert "ok: 8 of 8 cones located, one row of cones beside the path, 180 m long" in row.texts
+    assert "polygon" not in row.tags
+    assert "ok: 8 of 8 cones located, boundary ok, 223.0 m²" in area.texts
+    assert area.tags.count("polygon") == 1
 
 
 def test_several_passes_are_all_named_and_drawn() -> None:

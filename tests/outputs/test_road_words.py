@@ -11,6 +11,7 @@ import pytest
 from factories import HOSTILE, make_reconstruction
 from gaia_uwb._shared import in_markdown
 from gaia_uwb.cli.terminal import print_summary
+from gaia_uwb.config import make_config
 from gaia_uwb.outputs.plain_words import people_report
 from gaia_uwb.outputs.road_words import edge_words, hull_leads, summary_words, zone_words
 from gaia_uwb.roadside import DroveThrough, RoadBoundary, RoadSide, ZoneForm
@@ -40,7 +41,7 @@ def part(report: str, heading: str) -> list[str]:
 
 
 def details(boundary: RoadBoundary) -> str:
-    return "\n".join(zone_words(boundary, in_markdown))
+    return "\n".join(zone_words(make_road_result(boundary), in_markdown))
 
 
 def test_an_open_row_is_told_by_its_edge_and_the_hull_comes_last() -> None:
@@ -98,6 +99,15 @@ def test_a_taper_may_be_long_enough_or_have_no_length_to_keep(asked_m: float, sa
     (line,) = re.findall("A taper.*", words)
     assert line.endswith(said)
     assert ("manual" in line) is bool(np.isfinite(asked_m))
+
+
+def test_a_form_that_was_stated_is_told_as_such() -> None:
+    boundary = make_road(make_zone(STRAIGHT))
+    config = make_config({"boundary": {"form": "one-row"}})
+    result = with_road(replace(make_road_result(boundary), config=config), boundary)
+    words = "\n".join(zone_words(result, in_markdown))
+    assert "Form of the zone: one row of cones beside the path, as stated." in words
+    assert "Form of the zone: one row of cones beside the path (more than 99 %" in details(boundary)
 
 
 def test_gaps_are_named_and_may_hold_a_cone_that_was_not_located() -> None:

@@ -87,7 +87,7 @@ def _road(reconstruction: Reconstruction) -> dict[str, object] | None:
     road = reconstruction.road_boundary
     if road is None or hull_leads(road):
         return None
-    words = list(zone_words(road, printable))
+    words = list(zone_words(reconstruction, printable))
     return {"summary": summary_words(reconstruction), "details": words}
 
 

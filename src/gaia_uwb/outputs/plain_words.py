@@ -162,8 +162,7 @@ def _found(reconstruction: Reconstruction) -> Iterator[str]:
     is_hull = hull_leads(road)
     if is_hull:
         yield from _hull(reconstruction, "The work zone")
-    if road is not None:
-        yield from zone_words(road, in_markdown)
+    yield from zone_words(reconstruction, in_markdown)
     lost = [a for a in reconstruction.anchors if not a.status.has_position]
     if lost:
         names = ", ".join(in_markdown(anchor.anchor_id) for anchor in lost)

@@ -112,19 +112,22 @@ def edges_words(zone: WorkZone) -> str:
     return " ".join(f"The {edge.side.value} edge {edge_words(edge)}." for edge in zone.edges)
 
 
-def zone_words(boundary: RoadBoundary, name: Name) -> Iterator[str]:
+def zone_words(reconstruction: Reconstruction, name: Name) -> Iterator[str]:
     """Yield what is known of each zone, beside what the summary tells, a sentence or two at a time.
 
     Parameters
     ----------
-    boundary
-        The zones along the road.
+    reconstruction
+        What to tell; without a road there is nothing.
     name
         Makes the id of a cone harmless.
     """
-    for number, zone in enumerate(boundary.zones, start=1):
-        which = f"Zone {number}: " if len(boundary.zones) > 1 else ""
-        for words in _zone(zone, name):
+    road = reconstruction.road_boundary
+    zones = () if road is None else road.zones
+    form_is_stated = reconstruction.config.boundary.form is not None
+    for number, zone in enumerate(zones, start=1):
+        which = f"Zone {number}: " if len(zones) > 1 else ""
+        for words in _zone(zone, name, form_is_stated=form_is_stated):
             yield which + words
 
 
@@ -162,7 +165,7 @@ def square_metres(area_m2: float) -> str:
     return f"{area_m2:,.{1 if area_m2 < 100 else 0}f} m²"
 
 
-def _zone(zone: WorkZone, name: Name) -> Iterator[str]:
+def _zone(zone: WorkZone, name: Name, *, form_is_stated: bool) -> Iterator[str]:
     if zone.form is ZoneForm.AREA:  # the summary tells its area
         yield edges_words(zone)
     if zone.lane is not None:
@@ -170,7 +173,7 @@ def _zone(zone: WorkZone, name: Name) -> Iterator[str]:
             f"The lane between the edges is {metres(zone.lane.least_m)} wide at its narrowest, at "
             f"{zone.lane.station_m:,.0f} m, and at least {metres(zone.lane.at_least_m)} (90 %)."
         )
-    yield _form(zone)
+    yield f"Form of the zone: {zone.form.message}, as stated." if form_is_stated else _form(zone)
     start, end = (
         f"{name(place.cone)}, at {place.station_m:,.0f} m (± {metres(place.within_m)}, 90 %)"
         for place in (zone.start, zone.end)
