@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -192,3 +193,28 @@ def test_hostile_ids_are_written_as_they_are() -> None:
     edge = make_edge(STRAIGHT, (*HOSTILE, *ids_of(4)))
     svg = figure_svg(plot_reconstruction(make_road_result(make_road(make_zone(STRAIGHT, edge)))))
     assert "<script>" not in svg
+
+
+def test_names_do_not_cover_an_edge() -> None:
+    figure = draw(make_road(make_zone(bend()), line=bend()))
+    axes = strip(figure)
+    assert len(axes.texts) == 8
+    for piece in lines(axes, "edge"):
+        along = np.concatenate([np.linspace(a, b, 20) for a, b in pairwise(piece)])
+        pixels = axes.transData.transform(along)
+        for text in axes.texts:
+            box = text.get_window_extent()
+            assert not any(box.contains(*pixel) for pixel in pixels)
+
+
+@pytest.mark.parametrize("form", [ZoneForm.ONE_ROW, ZoneForm.LANE_BETWEEN])
+def test_the_legend_is_no_wider_than_the_picture(form: ZoneForm) -> None:
+    row = make_zone(STRAIGHT) if form is ZoneForm.ONE_ROW else lane_between(STRAIGHT)
+    result = make_road_result(make_road(row))
+    fixes = [make_fix(f.anchor_id, f.position_m, status=AnchorStatus.AMBIGUOUS,
+                      mirror_probability=0.4) for f in result.anchors]  # fmt: skip
+    object.__setattr__(result, "anchors", tuple(fixes))
+    figure = plot_reconstruction(with_road(result, make_road(row)))
+    figure.draw_without_rendering()
+    box, page = figure.legends[0].get_window_extent(), figure.bbox
+    assert page.x0 <= box.x0 and box.x1 <= page.x1

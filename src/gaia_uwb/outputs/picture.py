@@ -41,6 +41,7 @@ _INNER, _OUTER = "#009E73", "#7A4FA3"
 _SIZE_IN = (10.0, 9.0)
 _MOST_RANGES = 100_000  # more dots than this the picture has no pixels for
 _MOST_NAMES = 12
+_ROW_LETTERS, _HANDLE_LETTERS = 155, 8  # of a row of the legend, and as wide as a handle in it
 _LINE_LETTERS, _LETTERS = 136, 400  # of a line below the title, and of all
 
 
@@ -72,6 +73,7 @@ def plot_reconstruction(
     cones = DrawnCones.of(reconstruction)
     known_m = np.empty((0, 2)) if truth_m is None else truth_m
     zone_m = np.concatenate([cones.extent_m(), known_m])
+    drawn_m = np.empty((0, 2))  # what names must not cover
     paths_m = [episode.position_m for episode, _ in reconstruction.passes]
     drive_m = np.concatenate([*paths_m, zone_m])
     road = reconstruction.road_boundary
@@ -81,7 +83,7 @@ def plot_reconstruction(
         _draw_site(overview, reconstruction, cones)
         axes = figure.add_axes((0.07, 0.51, 0.63, 0.39))
         cones, known_m = cones.along(road.line), road.line.locate(known_m)
-        draw_strip(axes, road, cones)
+        drawn_m = draw_strip(axes, road, cones)
         axes.set_title("along the road, drawn wider than it is", size=9, loc="left", pad=3)
     elif len(zone_m) and np.ptp(drive_m, axis=0).max() > 3.0 * np.ptp(zone_m, axis=0).max():
         overview = _add_site(figure, (0.07, 0.51, 0.39, 0.39), drive_m)
@@ -94,13 +96,18 @@ def plot_reconstruction(
         _draw_site(axes, reconstruction, cones)
     if len(known_m):
         axes.plot(*known_m.T, "x", color=INK, ms=6, mew=1, label="true position", zorder=7)
-    name_cones(axes, cones, avoid_m=np.concatenate([cones.mirror_m[:, 1], known_m]))
+    name_cones(axes, cones, avoid_m=np.concatenate([cones.mirror_m[:, 1], known_m, drawn_m]))
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0.476),
-                  ncols=-(-len(labels) // (1 + (len(labels) > 6))),
+                  ncols=-(-len(labels) // _rows_of(labels)),
                   fontsize=8, frameon=False)  # fmt: skip
     _draw_ranges(figure, reconstruction)
     return figure
+
+
+def _rows_of(labels: Sequence[str]) -> int:
+    """Return how many rows a legend takes, so that no row is wider than the picture."""
+    return 1 + (sum(len(label) + _HANDLE_LETTERS for label in labels) > _ROW_LETTERS)
 
 
 def _write_title(figure: Figure, reconstruction: Reconstruction) -> None:

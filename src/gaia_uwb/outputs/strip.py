@@ -48,7 +48,7 @@ def needs_strip(boundary: RoadBoundary | None) -> bool:
     return bool(end_m - start_m > _LONG * across_m)
 
 
-def draw_strip(axes: Axes, boundary: RoadBoundary, cones: DrawnCones) -> None:
+def draw_strip(axes: Axes, boundary: RoadBoundary, cones: DrawnCones) -> Float64[Array, "P 2"]:
     """Draw what is along the road: driven paths, closed areas, bands, edges and cones.
 
     Parameters
@@ -59,6 +59,11 @@ def draw_strip(axes: Axes, boundary: RoadBoundary, cones: DrawnCones) -> None:
         The zones; at least one.
     cones
         The cones with stations and offsets, see :meth:`DrawnCones.along`.
+
+    Returns
+    -------
+    (P, 2)
+        Stations and offsets along the edges, which names must not cover, in metres.
     """
     start_m, end_m = _extent_m(boundary)
     margin_m = max(_MARGIN * (end_m - start_m), 5.0)
@@ -70,6 +75,9 @@ def draw_strip(axes: Axes, boundary: RoadBoundary, cones: DrawnCones) -> None:
     axes.set_xlabel("along the road (m)", size=9)
     axes.set_ylabel("left of the road's line (m)", size=9)
     tidy(axes)
+    edges = [edge for zone in boundary.zones for edge in zone.edges]
+    lines_m = [line_m for edge in edges for line_m in edge.lines]
+    return np.concatenate([_straightened(boundary.line, line_m) for line_m in lines_m])
 
 
 def draw_zones(axes: Axes, boundary: RoadBoundary) -> None:
@@ -178,12 +186,17 @@ def _straightened(line: RoadLine, place_m: Float64[Array, "K 2"]) -> Float64[Arr
     return line.locate(get_coordinates(LineString(place_m).segmentize(_STEP_M)))
 
 
+def _reach_m(cones: DrawnCones) -> Float64[Array, "K 2"]:
+    """Return half the 90 % intervals along and across the road; 0 where they are unknown."""
+    # Of the 90 % ellipse in two dimensions, to 90 % in one.
+    reach_m = np.abs(cones.ellipse_m - cones.position_m[:, None]).max(axis=1)
+    return np.asarray(np.nan_to_num(reach_m * SIGMAS_90 / np.sqrt(CHI_SQUARE_90)))
+
+
 def _draw_cones(axes: Axes, cones: DrawnCones) -> None:
     from matplotlib.collections import LineCollection
 
-    # Of the 90 % ellipse in two dimensions, to 90 % in one.
-    reach_m = np.abs(cones.ellipse_m - cones.position_m[:, None]).max(axis=1)
-    reach_m = np.nan_to_num(reach_m * SIGMAS_90 / np.sqrt(CHI_SQUARE_90))
+    reach_m = _reach_m(cones)
     for axis in (0, 1):
         apart_m = np.zeros_like(cones.position_m)
         apart_m[:, axis] = reach_m[:, axis]
@@ -200,9 +213,11 @@ def _draw_cones(axes: Axes, cones: DrawnCones) -> None:
 
 
 def _set_height(axes: Axes, boundary: RoadBoundary, cones: DrawnCones) -> None:
-    """Show cones, bands and paths whole, and of closed areas what is near."""
+    """Show cones, bands and paths whole, and of error bars and closed areas what is near."""
     low_m, high_m = axes.get_xlim()
-    seen = [cones.position_m[:, 1], cones.mirror_m[:, 1, 1]]
+    bars_m = np.minimum(_reach_m(cones)[:, 1], _MOST_BEHIND_M)
+    offset_m = cones.position_m[:, 1]
+    seen = [offset_m - bars_m, offset_m + bars_m, cones.mirror_m[:, 1, 1]]
     for path in boundary.paths:
         seen.append(path.offset_m[(path.station_m > low_m) & (path.station_m < high_m)])
     for zone in boundary.zones:
@@ -213,8 +228,8 @@ def _set_height(axes: Axes, boundary: RoadBoundary, cones: DrawnCones) -> None:
     for zone in boundary.zones:
         region = zone.open_strip if zone.closed is None else zone.closed.outer
         for ring_m in () if region is None else (r for rings in region.polygons for r in rings):
-            offset_m = boundary.line.locate(ring_m)[:, 1]
-            bottom_m = min(bottom_m, max(offset_m.min(), core_m.min() - _MOST_BEHIND_M))
-            top_m = max(top_m, min(offset_m.max(), core_m.max() + _MOST_BEHIND_M))
+            ring_offset_m = boundary.line.locate(ring_m)[:, 1]
+            bottom_m = min(bottom_m, max(ring_offset_m.min(), core_m.min() - _MOST_BEHIND_M))
+            top_m = max(top_m, min(ring_offset_m.max(), core_m.max() + _MOST_BEHIND_M))
     margin_m = 0.08 * (top_m - bottom_m) + 0.3
     axes.set_ylim(bottom_m - margin_m, top_m + margin_m)
