@@ -57,12 +57,15 @@ class DrawnCones:
 
     def along(self, line: RoadLine) -> DrawnCones:
         """Return the same with stations and offsets along a road for east and north."""
+        position_m, mirror_m = line.locate(self.position_m), line.locate(self.mirror_m)
+        off_m = self.ellipse_m - self.position_m[:, None]
+        mirror_off_m = self.mirror_ellipse_m - self.mirror_m[:, 1, None]
         return replace(
             self,
-            position_m=_along(line, self.position_m),
-            ellipse_m=_along(line, self.ellipse_m),
-            mirror_m=_along(line, self.mirror_m),
-            mirror_ellipse_m=_along(line, self.mirror_ellipse_m),
+            position_m=position_m,
+            ellipse_m=position_m[:, None] + _turned(line, position_m[:, 0], off_m),
+            mirror_m=mirror_m,
+            mirror_ellipse_m=mirror_m[:, 1, None] + _turned(line, mirror_m[:, 1, 0], mirror_off_m),
         )
 
     def extent_m(self) -> Float64[Array, "P 2"]:
@@ -75,12 +78,15 @@ class DrawnCones:
         return np.concatenate([places_m, self.ellipse_m[away_m < reach_m]])
 
 
-def _along(line: RoadLine, place_m: Float64[Array, "*shape 2"]) -> Float64[Array, "*shape 2"]:
-    """Return stations and offsets of places; NaN where a place is unknown."""
-    found_m = np.full_like(place_m, np.nan)
-    known = np.isfinite(place_m).all(axis=-1)
-    found_m[known] = line.locate(place_m[known])
-    return found_m
+def _turned(
+    line: RoadLine, station_m: Float64[Array, "K"], off_m: Float64[Array, "K E 2"]
+) -> Float64[Array, "K E 2"]:
+    """Return steps to east and north as steps along the road and to its left, at stations."""
+    ends_m = [line.place(station_m + step_m, np.zeros_like(station_m)) for step_m in (-0.5, 0.5)]
+    ahead = ends_m[1] - ends_m[0]
+    ahead /= np.hypot(*ahead.T)[:, None]
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    return np.asarray(off_m @ np.stack([ahead, left], axis=2))
 
 
 def _ellipses(covariance_m2: Float64[Array, "K 2 2"]) -> Float64[Array, "K E 2"]:

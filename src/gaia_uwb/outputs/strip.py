@@ -27,7 +27,7 @@ Line = Callable[[Float64[Array, "K 2"]], Float64[Array, "L 2"]]
 """From points on the ground to those in the picture."""
 
 _MARGIN = 0.04  # of the zones' length, at both ends
-_STEP_M = 2.0  # of a line or ring that is straightened
+_STEPS, _LEAST_STEP_M = 400, 1.0  # along the zones, of lines and rings that are straightened
 _MOST_BEHIND_M = 8.0  # of a closed area is shown behind the cones
 
 
@@ -69,7 +69,9 @@ def draw_strip(axes: Axes, boundary: RoadBoundary, cones: DrawnCones) -> Float64
     margin_m = max(_MARGIN * (end_m - start_m), 5.0)
     axes.set_xlim(start_m - margin_m, end_m + margin_m)
     _draw_paths(axes, boundary)
-    _draw_zones(axes, boundary, partial(_straightened, boundary.line))
+    step_m = max((end_m - start_m) / _STEPS, _LEAST_STEP_M)
+    straightened = partial(_straightened, boundary.line, step_m)
+    _draw_zones(axes, boundary, straightened)
     _draw_cones(axes, cones)
     _set_height(axes, boundary, cones)
     axes.set_xlabel("along the road (m)", size=9)
@@ -77,7 +79,7 @@ def draw_strip(axes: Axes, boundary: RoadBoundary, cones: DrawnCones) -> Float64
     tidy(axes)
     edges = [edge for zone in boundary.zones for edge in zone.edges]
     lines_m = [line_m for edge in edges for line_m in edge.lines]
-    return np.concatenate([_straightened(boundary.line, line_m) for line_m in lines_m])
+    return np.concatenate(list(map(straightened, lines_m)))
 
 
 def draw_zones(axes: Axes, boundary: RoadBoundary) -> None:
@@ -177,13 +179,15 @@ def _draw_edge(axes: Axes, to: Line, edge: Edge, once: _Labels) -> None:
         axes.plot(*ends_m.T, ":", color=INK, lw=1.6, label=once("gap"), zorder=3)
 
 
-def _straightened(line: RoadLine, place_m: Float64[Array, "K 2"]) -> Float64[Array, "L 2"]:
+def _straightened(
+    line: RoadLine, step_m: float, place_m: Float64[Array, "K 2"]
+) -> Float64[Array, "L 2"]:
     """Return stations and offsets along a line on the ground, which may bend between its points."""
     from shapely import LineString, get_coordinates
 
     if len(place_m) < 2:
         return line.locate(place_m)
-    return line.locate(get_coordinates(LineString(place_m).segmentize(_STEP_M)))
+    return line.locate(get_coordinates(LineString(place_m).segmentize(step_m)))
 
 
 def _reach_m(cones: DrawnCones) -> Float64[Array, "K 2"]:
