@@ -115,7 +115,8 @@ def test_gaps_are_named_and_may_hold_a_cone_that_was_not_located() -> None:
     words = details(make_road(make_zone(STRAIGHT, edge)))
     assert (
         "Between cone-4 and cone-5 is a gap of 60.0 m, such as an opening for access; cones "
-        r"usually stand 20.0 m apart. A cone that was not located may stand in it (lost\_1, lost-2)"
+        "usually stand 20.0 m apart. A cone without a position to go by may stand in it "
+        r"(lost\_1, lost-2)."
     ) in words
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from factories import make_fix
 from gaia_uwb._shared.errors import ConfigError, InputError
+from gaia_uwb.estimate import AnchorStatus
 from gaia_uwb.outputs.geojson import boundary_geojson
 from gaia_uwb.outputs.report import make_report
 from gaia_uwb.projection import to_local
@@ -20,6 +23,7 @@ from gaia_uwb.wzdx import FeedConfig, Feeds, FeedZone, make_feeds, read_zone, zo
 from gaia_uwb.wzdx.feeds import feed_text
 from road_zones import (
     AT_M,
+    BESIDE_M,
     STRAIGHT,
     bend,
     closed_strip,
@@ -28,6 +32,7 @@ from road_zones import (
     make_road,
     make_road_result,
     make_zone,
+    with_road,
 )
 from wzdx_cases import CWZ, IOWA, feed_config, official_schemas
 
@@ -202,6 +207,21 @@ def test_members_that_are_none_are_refused(tmp_path: Path, member: str, value: o
     (tmp_path / "report.json").write_text(json.dumps(report))
     with pytest.raises(InputError, match="not a report of this version"):
         read_zone(tmp_path)
+
+
+def test_a_cone_that_shapes_no_edge_is_a_device_of_the_zone_that_it_stands_in() -> None:
+    edge = make_edge(STRAIGHT, ids_of(8))
+    result = result_of(make_road(make_zone(STRAIGHT, edge)))
+    kept = make_edge(STRAIGHT, [f"cone-{k}" for k in (0, 1, 2, 4, 5, 6, 7)],
+                     station_m=np.delete(AT_M, 3), beside_m=np.delete(BESIDE_M, 3))  # fmt: skip
+    fixes = list(result.anchors)
+    fixes[3] = make_fix("cone-3", fixes[3].position_m, status=AnchorStatus.DOES_NOT_FIT)
+    result = with_road(replace(result, anchors=tuple(fixes)), make_road(make_zone(STRAIGHT, kept)))
+    (part,) = zone_of(result).parts
+    assert [cone.anchor_id for cone in part.cones] == list(ids_of(8))
+    by_name = {d["properties"]["core_details"]["name"]: d["properties"]["core_details"]
+               for d in features(feeds_of(zone_of(result)).device)}  # fmt: skip
+    assert by_name["cone-3"]["device_status"] == "warning"
 
 
 def test_a_cone_alone_is_left_out_and_named() -> None:

@@ -249,7 +249,7 @@ def _gap(gap: Gap, name: Name) -> str:
     missing = ""
     if gap.unlocated:
         lost = some_of([name(cone) for cone in gap.unlocated])
-        missing = f". A cone that was not located may stand in it ({lost})"
+        missing = f". A cone without a position to go by may stand in it ({lost})"
     return (
         f"Between {name(gap.from_cone)} and {name(gap.to_cone)} is a gap of "
         f"{metres(gap.length_m)}, such as an opening for access; cones usually stand "

@@ -162,7 +162,7 @@ def make_parts(
         none where these have no length either.
     """
     ids = [cone.anchor_id for cone in cones]
-    members = [np.flatnonzero([name in zone.cones for name in ids]) for zone in zones]
+    members = [_members(ids, at_m, zone, zones) for zone in zones]
     found = [_part(path_m, cones, at_m, rows, zone)
              for rows, zone in zip(members, zones, strict=True)]  # fmt: skip
     parts = sorted((part for part in found if part is not None), key=lambda part: part[0])
@@ -171,6 +171,20 @@ def make_parts(
         whole = _part(path_m, cones, at_m, np.arange(len(cones)), only)
         parts = [] if whole is None else [whole]
     return tuple(part for _, part in parts)
+
+
+def _members(
+    ids: Sequence[str], at_m: Float64[Array, "N"], zone: RoadZone, zones: Sequence[RoadZone]
+) -> Array:
+    """Return the rows of a zone's cones, and of those of no zone that were passed within it.
+
+    A cone whose ranges fit no position shapes no edge, but it is a device there.
+    """
+    own = np.array([name in zone.cones for name in ids])
+    if own.any():
+        of_none = np.array([not any(name in each.cones for each in zones) for name in ids])
+        own |= of_none & (at_m >= at_m[own].min()) & (at_m <= at_m[own].max())
+    return np.flatnonzero(own)
 
 
 def _part(
