@@ -55,6 +55,8 @@ def test_the_hull_is_shown_at_first_only_where_it_is_the_zone(
     assert chromium.evaluate(HULL_SHOWN) == [shown, shown]
     chromium.click_on("#hull-shown")
     assert chromium.evaluate(HULL_SHOWN) == [not shown, not shown]
+    name = "work zone" if shown else "hull"
+    assert texts(chromium, "#hull-legend div")[0] == f"{name} (around all cones)"
     chromium.evaluate("map.focus()")
     chromium.press("h")
     assert chromium.evaluate(HULL_SHOWN) == [shown, shown]

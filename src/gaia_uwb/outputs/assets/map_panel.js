@@ -8,9 +8,10 @@ const LEGEND = {
   "closed-area-inner": "inside the closed area (90 %)",
   "closed-area-outer": "contains the closed area (90 %)",
 };
+const hullName = hullLeads ? "work zone" : "hull";  // of a row, it is no work zone
 const HULL_LEGEND = {
-  hull: "work zone (around all cones)", outline: "line through all cones",
-  "hull-inner": "inside the work zone (90 %)", "hull-outer": "contains the work zone (90 %)",
+  hull: `${hullName} (around all cones)`, outline: "line through all cones",
+  "hull-inner": `inside the ${hullName} (90 %)`, "hull-outer": `contains the ${hullName} (90 %)`,
 };
 
 function select(id) {
