@@ -21,6 +21,7 @@ from gaia_uwb._shared import Array, Float64, printable
 from gaia_uwb.estimate import AnchorStatus, SideSource
 from gaia_uwb.evaluate import range_residual_m
 from gaia_uwb.locate import end_to_end
+from gaia_uwb.outputs.map_evidence import map_evidence
 from gaia_uwb.outputs.road_words import hull_leads, summary_words, zone_words
 from gaia_uwb.reconstruction import Reconstruction
 
@@ -121,6 +122,7 @@ def _timeline(reconstruction: Reconstruction) -> dict[str, object]:
         "north_m": local_m[:, 1].round(2).tolist(),
         "range_cm": _centimetres(episode.range_m[every]),
         "denoised_cm": _centimetres(denoised.range_m[every]),
+        **map_evidence(episodes, every.step),
         "residual_cm": _centimetres(residual_m[every]),
     }
 

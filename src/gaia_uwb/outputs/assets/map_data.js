@@ -20,6 +20,7 @@ const anchors = new Map(report.anchors.map((anchor) => [anchor.id, anchor]));
 const origin = all[0].points[0];  // browsers draw in single precision: keep numbers small
 let spacing = Infinity;  // metres between neighbouring cones
 const steps = timeline.t_s.length;
+const bearings = timeline.bearings.map((pairs) => new Map(pairs));  // of each cone, by the step
 // The hull is another shape than what a driver sees, unless the cones stand around an area.
 const hullLeads = road === null;
 const chosen = { id: null, step: 0, ranges: false };  // what the reader looks at

@@ -1,6 +1,7 @@
 // ---- the column beside the map --------------------------------------------------------------
 const LEGEND = {
   mirror: "other possible position of a cone",
+  tie: "range between two cones", bearing: "direction of arrival at the time shown",
   ellipse: "contains the cone (90 %)",
   edge: "edge: do not cross", "edge-band": "contains the edge (90 %)",
   taper: "taper", gap: "gap, such as an opening for access",
@@ -50,6 +51,12 @@ function describe(id) {
     if (known(anchor.mirror_probability_by_ranges))
       rows.push(["other position, by its ranges alone",
                  `${percent(anchor.mirror_probability_by_ranges)} probability`]);
+    const n = order.indexOf(id), ties = timeline.ties.filter((tie) => tie.slice(0, 2).includes(n));
+    if (ties.length)
+      rows.push(["ranges to other cones", ties.map(([a, b, cm, count]) =>
+        `${order[a === n ? b : a]} ${metres(cm / 100)} (${count})`).join(", ")]);
+    if (bearings[n].size)
+      rows.push(["directions of arrival", bearings[n].size]);
     const own = timeline.residual_cm[order.indexOf(id)].filter(known).map(Math.abs);
     if (own.length) {
       own.sort((a, b) => a - b);
@@ -94,7 +101,7 @@ function swatchOf(role, parent, status = "ok") {
   if (role === "cone" || role === "mirror")
     svg("path", { class: `mark ${role}${warned(status)}`, d: markPath(role, status),
                   transform: "translate(17 11)" }, swatch);
-  else if (["outline", "inner", "outer", "edge", "taper", "gap"].includes(role))
+  else if (["outline", "inner", "outer", "edge", "taper", "gap", "tie", "bearing"].includes(role))
     svg("line", { class: role, x1: 2, x2: 32, y1: 11, y2: 11 }, swatch);
   else if (role === "ellipse")
     svg("ellipse", { class: role, cx: 17, cy: 11, rx: 14, ry: 8 }, swatch);
@@ -110,6 +117,8 @@ function listLegend() {
       rows.push(["cone", `cone: ${STATUS[status]}`, status]);
   rows.push(...Object.entries(LEGEND));
   const roles = new Set(all.map(({ role }) => role));
+  if (timeline.ties.length) roles.add("tie");
+  if (bearings.some(({ size }) => size)) roles.add("bearing");
   for (const [role, text, status] of rows)
     if (roles.has(role)) legendRow(byId("legend"), role, text, status);
   for (const [role, text] of Object.entries(HULL_LEGEND))

@@ -40,6 +40,12 @@ function drawRays() {
     const ring = order.length <= 12 || id === chosen.id;
     if (ring) svg("circle", { class: `range${id === chosen.id ? " chosen" : ""}`, cx: east,
                               cy: north, r: reach, "vector-effect": "non-scaling-stroke" }, now);
+    const bearing = bearings[n].get(k);
+    if (known(bearing) && (ring || cone)) {
+      const turn = bearing * Math.PI / 180, far = reach * view.scale;
+      svg("line", { class: "bearing", x1: x, y1: y, x2: x + far * Math.cos(turn),
+                    y2: y - far * Math.sin(turn) }, screen);
+    }
     if (!cone) return;
     const [toE, toN] = cone.points[0];
     const ends = { x1: x, y1: y, x2: toX(toE), y2: toY(toN) };

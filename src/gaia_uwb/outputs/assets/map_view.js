@@ -46,8 +46,16 @@ function drawStart() {
   svg("text", { class: "label", x: x + 10, y: y + 5 }, screen).textContent = "start";
 }
 
-// A dotted line joins the two places between which a cone is undecided.
+// A dotted line joins the two places between which a cone is undecided, a thin one two cones that
+// ranged each other.
 function drawLinks() {
+  for (const [a, b] of timeline.ties) {
+    const [one, other] = [a, b].map((n) => places.find((place) =>
+      place.role === "cone" && place.id === order[n]));
+    const own = [order[a], order[b]].includes(chosen.id) ? " chosen" : "";
+    if (one && other)
+      svg("path", { class: `tie${own}`, d: `M${one.x} ${one.y}L${other.x} ${other.y}` }, screen);
+  }
   for (const other of places) {
     if (other.role !== "mirror") continue;
     const cone = places.find((place) => place.role === "cone" && place.id === other.id);
