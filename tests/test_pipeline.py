@@ -6,7 +6,14 @@ import pytest
 
 from drives_past import with_moved_anchor
 from gaia_uwb._shared.errors import ConfigError, InputError
-from gaia_uwb.config import PipelineConfig, PriorConfig, SidesConfig, SolverConfig, make_config
+from gaia_uwb.config import (
+    BoundaryConfig,
+    PipelineConfig,
+    PriorConfig,
+    SidesConfig,
+    SolverConfig,
+    make_config,
+)
 from gaia_uwb.estimate import AnchorFix, AnchorStatus, ReasonKind
 from gaia_uwb.pipeline import (
     _listed,
@@ -130,6 +137,12 @@ def test_one_cone_has_no_edge_and_two_have() -> None:
     }
     assert ReasonKind.TOO_FEW_CONES in kinds[1]
     assert ReasonKind.TOO_FEW_CONES not in kinds[2]
+
+
+def test_a_road_edge_without_a_place_on_the_earth_is_told_before_the_work() -> None:
+    edge = BoundaryConfig(road_edge=((11.5, 48.1), (11.6, 48.1)))
+    with pytest.raises(ConfigError, match="where the local frame is on the Earth"):
+        prepare(make_scene(), PipelineConfig(boundary=edge))
 
 
 def test_cones_in_a_row_are_no_reason_for_doubt() -> None:

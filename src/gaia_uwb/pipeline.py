@@ -47,6 +47,7 @@ from gaia_uwb.locate import (
     with_run_errors,
 )
 from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
+from gaia_uwb.roadside import road_edge
 from gaia_uwb.scene import Scene
 from gaia_uwb.zone import (
     Decision,
@@ -82,12 +83,15 @@ def prepare(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Episode:
     ------
     InputError
         If the clocks do not overlap or no range is usable.
+    ConfigError
+        If a road's edge is given, but not where the local frame is on the Earth.
     """
     return _prepare(scene, config, alone=True)
 
 
 def _prepare(scene: Scene, config: PipelineConfig, *, alone: bool) -> Episode:
     """Prepare a log; where it is not ``alone``, its errors are found with those of the others."""
+    road_edge(config.boundary, scene.frame)  # before any work
     aligned = align(scene, config.alignment, clock=_known_clock(scene, config))
     episode = _without_hardly_heard(aligned, config, alone=alone)
     places = find_places([[episode]], config)[0]

@@ -1,4 +1,4 @@
-from .along_road import find_zones as find_zones
+from .along_road import find_zones as find_zones, road_edge as road_edge
 from .road_boundary import (
     ClosedArea as ClosedArea,
     DroveThrough as DroveThrough,

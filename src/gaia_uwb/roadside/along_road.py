@@ -171,10 +171,29 @@ def _width(config: BoundaryConfig, frame: LocalFrame | None) -> Width | None:
     if config.closed_lanes is not None:
         width_m = config.closed_lanes * config.lane_width_m
         return Width(WidthSource.CLOSED_LANES, width_m)
+    edge_m = road_edge(config, frame)
+    return None if edge_m is None else Width(WidthSource.ROAD_EDGE, math.nan, edge_m)
+
+
+def road_edge(config: BoundaryConfig, frame: LocalFrame | None) -> Float64[Array, "E 2"] | None:
+    """Return the stated edge of the road in the local frame, in metres; None if none was stated.
+
+    Parameters
+    ----------
+    config
+        ``road_edge`` is used.
+    frame
+        Where the local frame is on the Earth.
+
+    Raises
+    ------
+    ConfigError
+        If an edge is stated, but not where the local frame is.
+    """
     if not config.road_edge:
         return None
     if frame is None:
         problem = "a road's edge needs to know where the local frame is on the Earth"
         raise ConfigError(f"boundary.road_edge: {problem}")
     lon, lat = np.array(config.road_edge).T
-    return Width(WidthSource.ROAD_EDGE, math.nan, to_local(frame, lat, lon)[0])
+    return to_local(frame, lat, lon)[0]

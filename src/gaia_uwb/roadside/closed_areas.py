@@ -127,7 +127,7 @@ class _Strip:
         """
         side = rows.near.side
         near = rows.near.counted(offset_m)
-        far = rows.behind & (offset_m * side.sign > 0)
+        far = rows.behind & side.holds(offset_m)
         closing = near if far_side else near | far
         at_m = np.where(closing, station_m, np.nan)
         has_any = closing.any(axis=1)

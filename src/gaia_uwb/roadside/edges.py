@@ -44,7 +44,7 @@ def make_edge(
     ids = tuple(cones.ids[k] for k in rows)
     gaps = _gaps(ids, cones.place_m[rows], unlocated)
     grid_m = row.grid_m
-    scenes_m = row.scene_lines_m(grid_m)
+    scenes_m = _or_estimate(row.scene_lines_m(grid_m), row.line_m(grid_m))
     cuts = [0, *(gap.row + 1 for gap in gaps), len(rows)]
     parts = [
         np.flatnonzero((grid_m >= station_m[a]) & (grid_m <= station_m[b - 1]))
@@ -66,9 +66,17 @@ def make_edge(
     )
 
 
+def _or_estimate(
+    scenes_m: Float64[Array, "S G"], estimate_m: Float64[Array, "G"]
+) -> Float64[Array, "_ G"]:
+    """Return the lines of the scenes that have one; the estimate's where no scene has."""
+    there_m = scenes_m[np.isfinite(scenes_m).all(axis=1)]
+    return there_m if len(there_m) else estimate_m[None]
+
+
 def _side_probability(row: SideCones) -> float:
     """Return in which share of the scenes most cones of the row are on its side."""
-    are_here = row.cones.scene_offset_m[:, row.rows] * row.side.sign > 0
+    are_here = row.side.holds(row.cones.scene_offset_m[:, row.rows])
     return float(np.mean(are_here.mean(axis=1) > 0.5))
 
 
@@ -98,9 +106,8 @@ def _band(
     parts: Sequence[Array],
 ) -> EdgeBand:
     """Return the central interval of the scenes' offsets at every station."""
-    there = scenes_m[np.isfinite(scenes_m).all(axis=1)]
     out = 0.5 * (1.0 - PROBABILITY)
-    low_m, high_m = np.quantile(there, [out, 1.0 - out], axis=0)
+    low_m, high_m = np.quantile(scenes_m, [out, 1.0 - out], axis=0)
     near_m, far_m = (low_m, high_m) if side is RoadSide.LEFT else (high_m, low_m)
     rings = []
     for part in parts:
@@ -120,11 +127,12 @@ def _free(
     scenes_m: Float64[Array, "S G"],
 ) -> FreeWidth:
     """Return the least distance of an edge from the nearest driven path, its gaps left out."""
-    grid_m = row.grid_m[kept]
-    offset_m = row.line_m(grid_m)
-    beside_m = least_beside_m(paths, grid_m, offset_m)
-    there_m = scenes_m[np.isfinite(scenes_m).all(axis=1)][:, kept]
+    grid_m, there_m = row.grid_m[kept], scenes_m[:, kept]
     at_all_m = least_beside_m(paths, np.broadcast_to(grid_m, there_m.shape), there_m).min(axis=1)
+    # Of two cones abeam of each other, the line at their station is one.
+    offset_m = np.concatenate([row.line_m(grid_m), row.cones.offset_m[row.rows]])
+    grid_m = np.concatenate([grid_m, row.cones.station_m[row.rows]])
+    beside_m = least_beside_m(paths, grid_m, offset_m)
     k = int(np.argmin(beside_m))
     across_m = np.array([_nearest_path_m(paths, grid_m[k], offset_m[k]), offset_m[k]])
     return FreeWidth(
@@ -158,10 +166,11 @@ def lane_width(line: RoadLine, left: SideCones, right: SideCones) -> FreeWidth |
         return None
     offsets_m = np.stack([right.line_m(grid_m), left.line_m(grid_m)])
     k = int(np.argmin(np.diff(offsets_m, axis=0)[0]))
-    scenes_m = (left.scene_lines_m(grid_m) - right.scene_lines_m(grid_m)).min(axis=1)
+    scenes_m = left.scene_lines_m(grid_m) - right.scene_lines_m(grid_m)
+    scenes_m = _or_estimate(scenes_m, offsets_m[1] - offsets_m[0]).min(axis=1)
     return FreeWidth(
         least_m=float(offsets_m[1, k] - offsets_m[0, k]),
-        at_least_m=float(np.nanquantile(scenes_m, 1.0 - PROBABILITY)),
+        at_least_m=float(np.quantile(scenes_m, 1.0 - PROBABILITY)),
         station_m=float(grid_m[k]),
         place_m=line.place(np.full(2, grid_m[k]), offsets_m[:, k]),
     )

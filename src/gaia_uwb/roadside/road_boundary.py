@@ -22,7 +22,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64
+from gaia_uwb._shared import Array, Bool, Float64
 from gaia_uwb.roadside.road_line import DrivenPath, RoadLine
 from gaia_uwb.zone import Region
 
@@ -59,6 +59,16 @@ class RoadSide(StrEnum):
     def sign(self) -> int:
         """Of offsets on this side: 1 on the left, -1 on the right."""
         return 1 if self is RoadSide.LEFT else -1
+
+    def holds(self, offset_m: Float64[Array, "*shape"]) -> Bool[Array, "*shape"]:
+        """Return which offsets are on this side; the line itself is taken to be on the right.
+
+        Parameters
+        ----------
+        offset_m : (...)
+            In metres, positive to the left.
+        """
+        return np.asarray((offset_m > 0) == (self is RoadSide.LEFT))
 
 
 class WidthSource(StrEnum):

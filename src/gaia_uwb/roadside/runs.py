@@ -91,7 +91,7 @@ def smooth(drive: Drive) -> Run | None:
     kept = _moved(drive.position_m)
     place_m, t_s = drive.position_m[kept], drive.t_s[kept]
     at_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place_m, axis=0).T))])
-    if at_m[-1] < _SHORTEST_M:
+    if at_m[-1] < 2.0 * _STEP_M:
         return None
     even_m = np.arange(0.0, at_m[-1] + 0.5 * _STEP_M, _STEP_M)
     t_s = np.interp(even_m, at_m, t_s)

@@ -11,7 +11,7 @@ import numpy as np
 from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.roadside.forms import facing, has_two_rows
 from gaia_uwb.roadside.road_boundary import RoadSide, ZoneEnd, ZoneForm
-from gaia_uwb.roadside.road_line import DrivenPath, RoadLine
+from gaia_uwb.roadside.road_line import DrivenPath
 
 PROBABILITY = 0.9
 """Of all bands, bounds and regions."""
@@ -115,7 +115,7 @@ class SideCones:
         offset_m : (S, M)
             Of all cones of the zone, in metres.
         """
-        return np.asarray(self.scene_rows & (offset_m * self.side.sign > 0))
+        return np.asarray(self.scene_rows & self.side.holds(offset_m))
 
     def scene_lines_m(self, grid_m: Float64[Array, "G"]) -> Float64[Array, "S G"]:
         """Return the offsets of the line in every scene; NaN in a scene without any of its cones.
@@ -183,7 +183,7 @@ def rows_of(cones: ZoneCones, form: ZoneForm) -> tuple[Rows, ...]:
     form
         With all forms but ``lane-between``, only the side with most cones has rows.
     """
-    is_left = cones.offset_m > 0
+    is_left = RoadSide.LEFT.holds(cones.offset_m)
     sides = [RoadSide.LEFT, RoadSide.RIGHT] if 2 * is_left.sum() >= len(is_left) else [
         RoadSide.RIGHT, RoadSide.LEFT
     ]  # fmt: skip
@@ -197,7 +197,7 @@ def rows_of(cones: ZoneCones, form: ZoneForm) -> tuple[Rows, ...]:
 
 
 def _rows(cones: ZoneCones, side: RoadSide, form: ZoneForm) -> Rows:
-    rows = np.flatnonzero((cones.offset_m > 0) == (side is RoadSide.LEFT))
+    rows = np.flatnonzero(side.holds(cones.offset_m))
     station_m, distance_m = cones.station_m[rows], np.abs(cones.offset_m[rows])
     is_near = np.ones(len(rows), dtype=np.bool_)
     if form in (ZoneForm.WORKS_BETWEEN, ZoneForm.AREA) or (
@@ -227,11 +227,3 @@ def least_beside_m(
     for path in paths:
         nearest_m = np.fmin(nearest_m, np.abs(offset_m - path.offset_at(station_m)))
     return np.asarray(nearest_m)
-
-
-def on_ground(
-    line: RoadLine, grid_m: Float64[Array, "G"], offset_m: Float64[Array, "G"]
-) -> Float64[Array, "G 2"]:
-    """Return the places of a line across stations, where offsets are known."""
-    known = np.isfinite(offset_m)
-    return line.place(grid_m[known], offset_m[known])
