@@ -164,6 +164,13 @@ def test_a_folder_of_logs_is_fused_when_asked(run, tmp_path: Path) -> None:  # t
     assert "the same drive as sim-3-0-pass-0" in err
 
 
+def test_whole_runs_are_scored_with_their_edges(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    for length, is_scored in (("whole", True), (64, False)):
+        options = ("--methods", "raw", "--length", length, "--out", tmp_path / str(length))
+        _, out, _ = run("evaluate", "sim", *options)
+        assert ("edge_error_mean" in out) is is_scored
+
+
 def test_evaluate(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     code, out, _ = run(
         "evaluate", "sim", "--methods", "raw,kalman", "--length", 64, "--out", tmp_path
