@@ -204,6 +204,23 @@ def test_ranges_between_cones_leave_a_mirrored_zone_open() -> None:
     assert result.status is not ReconstructionStatus.OK
 
 
+def test_what_all_tags_share_is_said_once_by_the_name_of_the_drive() -> None:
+    result = reconstruct(past_cones(LEFT_AND_RIGHT, seed=1))
+    (clock,) = [reason for reason in result.reasons if reason.kind is ReasonKind.CLOCK]
+    assert str(clock).startswith("roof: clock offset uncertain")
+    assert len(clock.passes) == 2
+    assert result.name == "roof"
+
+
+def test_the_free_width_is_beside_the_vehicle_not_beside_one_of_its_tags() -> None:
+    result = reconstruct(past_cones(LEFT_AND_RIGHT, seed=1), TRUSTED)
+    road = result.road_boundary
+    assert road is not None
+    assert len(road.paths) == 1
+    for edge in road.zones[0].edges:
+        assert edge.free.least_m == pytest.approx(3.0, abs=0.2)
+
+
 def test_one_surveyed_cone_tells_where_along_a_steady_road_all_stand() -> None:
     scene = past_cones(LEFT_AND_RIGHT, seed=1)
     assert scene.truth is not None

@@ -545,6 +545,18 @@ class Episode:
         return sum(counts[1:], start=counts[0]) if counts else None
 
     @property
+    def vehicle_m(self) -> Float64[Array, "T 2"]:
+        """East and north of the vehicle's reference point, in metres.
+
+        That is the tag's antenna, but for its lever arm where that is known.
+        """
+        path = None if self.own_times is None else self.own_times.trajectory
+        if path is None or path.lever_m is None:
+            return self.position_m
+        lever_m = np.stack([np.interp(self.t_s, path.t_s, arm) for arm in path.lever_m.T], axis=1)
+        return np.asarray(self.position_m - lever_m)
+
+    @property
     def usual_speed_mps(self) -> float:
         """Median speed over the steps at which a range came in, in metres per second."""
         heard = np.asarray(self.valid.any(axis=1))[1:]

@@ -366,10 +366,16 @@ def _denoise(
 def _pass_reasons(
     passes: Sequence[Episode], denoiser: Denoiser, config: PipelineConfig
 ) -> Iterator[Reason]:
-    """Say what is wrong with single passes."""
+    """Say what is wrong with single passes; what all tags of a drive share is said once."""
+    found: dict[tuple[str, str], tuple[Reason, list[str]]] = {}
     for episode in passes:
+        drive = episode.drive or episode.name
         for reason in (*log_reasons(episode, config), *denoiser.notes(episode)):
-            yield replace(reason, text=f"{episode.name}: {reason}", passes=(episode.name,))
+            found.setdefault((drive, reason.text), (reason, []))[1].append(episode.name)
+    for (drive, _), (reason, names) in found.items():
+        tags = [episode.name for episode in passes if (episode.drive or episode.name) == drive]
+        where = drive if names == tags else ", ".join(names)
+        yield replace(reason, text=f"{where}: {reason}", passes=tuple(names))
 
 
 def _evidence(

@@ -100,7 +100,8 @@ class Reconstruction:
         """
         if self.possible is None or not len(self.possible[1].located):
             return None
-        drives = [Drive(each.name, each.t_s, each.position_m) for each, _ in self.passes]
+        passes = {e.drive or e.name: e for e, _ in self.passes}  # one of the tags of a drive
+        drives = [Drive(name, each.t_s, each.vehicle_m) for name, each in passes.items()]
         located = self.possible[1].located
         doubtful = [self.anchors[k].status in _NOT_TO_GO_BY for k in located]
         kept = np.flatnonzero(~np.array(doubtful))
@@ -165,8 +166,9 @@ class Reconstruction:
     @property
     def name(self) -> str:
         """What to call the result: the name of the pass, or of the first and how many more."""
-        more = len(self.more_passes)
-        return f"{self.episode.name} and {more} more" if more else self.episode.name
+        drives = dict.fromkeys(episode.drive or episode.name for episode, _ in self.passes)
+        first, *more = drives
+        return f"{first} and {len(more)} more" if more else first
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the verdict, a top view and the anchors."""
