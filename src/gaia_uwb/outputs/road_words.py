@@ -1,12 +1,14 @@
 """What a driver sees of a zone in plain words, for the report, the map and the terminal.
 
 Stations are distances along the road, from where the drive begins that passes the zone. "Your
-path" is that of the antenna.
+path" is that of the antenna, or of the point from which a vehicle's lever arms count.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+
+import numpy as np
 
 from gaia_uwb._shared import metres, percent, some_of
 from gaia_uwb.estimate import BoundaryStatus
@@ -21,7 +23,7 @@ from gaia_uwb.roadside import (
     WorkZone,
     ZoneForm,
 )
-from gaia_uwb.zone import PROBABILITY
+from gaia_uwb.zone import PROBABILITY, convex_hull, polygon_area
 
 Name = Callable[[str], str]
 
@@ -32,19 +34,29 @@ _WIDTHS = {
     WidthSource.ROAD_EDGE: "up to the road's edge that was given",
 }
 _NO_WIDTH = "state --closed-width, --closed-lanes or --road-edge to get an area"
+_CONVEX = 0.9  # of its convex hull, that an area covers at least
 _LEAST_SHARE = 0.01  # a less likely form is not worth a sentence
 
 
 def hull_leads(boundary: RoadBoundary | None) -> bool:
-    """Return whether the convex hull is the zone: its cones stand around an area, or no road is.
+    """Return whether the convex hull is the zone: its cones stand around a convex area.
+
+    Around a closed lane in a bend, the hull covers the lane that is open, too.
 
     Parameters
     ----------
     boundary
-        The zones along the road; None where they are unknown.
+        The zones along the road; None where they are unknown, so that there is only the hull.
     """
     zones = () if boundary is None else boundary.zones
-    return all(zone.form is ZoneForm.AREA for zone in zones)
+    return all(zone.form is ZoneForm.AREA and _is_convex(zone.closed) for zone in zones)
+
+
+def _is_convex(closed: ClosedArea | None) -> bool:
+    if closed is None:
+        return True
+    corners_m = np.concatenate([rings[0] for rings in closed.region.polygons])
+    return closed.region.area_m2 > _CONVEX * polygon_area(convex_hull(corners_m))
 
 
 def summary_words(reconstruction: Reconstruction) -> str:
@@ -60,7 +72,7 @@ def summary_words(reconstruction: Reconstruction) -> str:
     >>> from gaia_uwb.pipeline import reconstruct
     >>> from gaia_uwb.simulate import PRESETS, simulate_pass
     >>> words = summary_words(reconstruct(simulate_pass(PRESETS["lane-closure"], seed=0)))
-    >>> words.startswith("The work zone covers ")
+    >>> words.startswith("The edge runs 1.6 to 2.1 m right of your path ")
     True
     """
     road = reconstruction.road_boundary

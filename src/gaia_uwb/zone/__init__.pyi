@@ -8,6 +8,7 @@ from .polygons import (
     convex_hull as convex_hull,
     cross as cross,
     hausdorff as hausdorff,
+    polygon_area as polygon_area,
     polygon_iou as polygon_iou,
 )
 from .scene_samples import Scenes as Scenes, sample_scenes as sample_scenes
