@@ -78,7 +78,8 @@ def test_a_row_of_cones_is_no_area() -> None:
 
 def test_several_passes_are_all_named_and_drawn() -> None:
     one = make_reconstruction()
-    both = replace(one, more_passes=((one.episode, one.denoised),))
+    other = replace(one.episode, name="another drive")
+    both = replace(one, more_passes=((other, one.denoised),))
     seen = Seen(both._repr_html_())
     assert seen.texts[0] == "a drive and 1 more"
     assert seen.tags.count("polyline") == 2

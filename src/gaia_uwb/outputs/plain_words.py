@@ -63,7 +63,7 @@ def people_report(reconstruction: Reconstruction, proposed: Sequence[Improvement
     >>> from gaia_uwb.pipeline import reconstruct
     >>> from gaia_uwb.simulate import PRESETS, simulate_pass
     >>> report = people_report(reconstruct(simulate_pass(PRESETS["lane-closure"], seed=0)))
-    >>> print(report.splitlines()[2].partition(" The work zone")[0])
+    >>> print(report.splitlines()[2].partition(" The edge")[0])
     **Reliable.** All 8 cones were located.
     """
     limits = _all_limits(reconstruction)
