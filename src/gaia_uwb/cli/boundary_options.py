@@ -21,6 +21,8 @@ class Form(StrEnum):
     AREA = "area"
 
 
+_MOST_BYTES = 10_000_000  # of a file with the line of a road's edge
+
 FormOption = Annotated[
     Form | None,
     typer.Option("--form", help="Known: how the cones of every zone stand, seen from the road."),
@@ -76,8 +78,11 @@ def with_boundary(
     InputError
         If the file of a road's edge cannot be read, or holds no line.
     """
+    from gaia_uwb._shared import ConfigError
     from gaia_uwb.config import make_config
 
+    if sum(each is not None for each in (closed_width_m, closed_lanes, road_edge)) > 1:
+        raise ConfigError("expected one of --closed-width, --closed-lanes and --road-edge")
     widths = {
         "closed_width_m": closed_width_m,
         "closed_lanes": closed_lanes,
@@ -117,13 +122,19 @@ def read_line(path: Path) -> list[Any]:
     from gaia_uwb._shared import InputError
 
     try:
+        if path.exists() and not path.is_file():
+            raise InputError("is not a regular file", source=path)
+        if path.stat().st_size > _MOST_BYTES:
+            raise InputError("is too large for the line of a road's edge", source=path)
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read a GeoJSON line: {error}", source=str(path)) from error
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=path) from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"is not GeoJSON: {error}", source=path) from error
     lines = list(_lines(content))
     if len(lines) != 1:
-        problem = f"expected a GeoJSON file with one LineString, got {len(lines)}"
-        raise InputError(problem, source=str(path))
+        problem = f"expected GeoJSON with one LineString, got {len(lines) or 'none'}"
+        raise InputError(problem, source=path)
     return [point[:2] if isinstance(point, list) else point for point in lines[0]]
 
 
