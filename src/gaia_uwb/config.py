@@ -212,8 +212,8 @@ class BoundaryConfig(Settings):
         stated = [self.closed_width_m is not None, self.closed_lanes is not None, self.road_edge]
         if sum(map(bool, stated)) > 1:
             raise ValueError("expected one of closed_width_m, closed_lanes and road_edge")
-        if len(self.road_edge) == 1:
-            raise ValueError("road_edge: expected at least two points")
+        if self.road_edge and len(set(self.road_edge)) < 2:
+            raise ValueError("road_edge: expected at least two points that differ")
         for lon, lat in self.road_edge:
             if not (-180 <= lon <= 180 and -90 <= lat <= 90):
                 raise ValueError(f"road_edge: expected longitude, latitude, got {lon:g}, {lat:g}")

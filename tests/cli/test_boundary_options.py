@@ -73,6 +73,7 @@ def test_what_is_no_line_is_refused(text: str, message: str, tmp_path: Path) -> 
     ("points", "message"),
     [
         ([[11.5, 48.1]], "at least two points"),
+        ([[11.5, 48.1], [11.5, 48.1]], "at least two points that differ"),
         ([[11.5, 98.1], [11.5, 48.1]], "expected longitude, latitude, got 11.5, 98.1"),
         ([[11.5], [11.5, 48.1]], "road_edge"),
         ([5, 6], "road_edge"),

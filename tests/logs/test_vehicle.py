@@ -111,3 +111,14 @@ def test_a_log_keeps_the_name_of_its_vehicle(tmp_path: Path) -> None:
     log = replace(simulate_pass(PRESETS["two-tags"], seed=0), vehicle="van")
     write_native(log, tmp_path / "log")
     assert read_native(tmp_path / "log").vehicle == "van"
+
+
+def test_a_lever_arm_far_from_that_of_the_log_makes_the_log_a_problem() -> None:
+    log = simulate_pass(PRESETS["two-tags"], seed=0)
+    near, far = (
+        Vehicle(name="van", tags={"tag-1": VehicleTag(left_m=left_m, lever_sigma_m=0.01)})
+        for left_m in (0.7, -0.8)
+    )
+    assert near.drove(log).problems == log.problems
+    (problem,) = set(far.drove(log).problems) - set(log.problems)
+    assert problem.startswith("tag tag-1: the log puts it 0 m forward and 0.8 m left, but van was")

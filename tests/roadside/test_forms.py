@@ -85,3 +85,10 @@ def test_zones_far_apart_are_two(between_m: float, n_zones: int) -> None:
 def test_few_cones_far_apart_are_one_zone() -> None:
     assert len(split_zones(np.array([0.0, 165.0, 365.0, 380.0]))) == 1
     assert len(split_zones(np.array([0.0, 400.0]))) == 1
+
+
+def test_a_weaving_vehicle_makes_no_second_row() -> None:
+    station_m = 10.0 * np.arange(21)
+    for length_m in (60.0, 90.0, 150.0):
+        left_m = -3.0 + 1.5 * np.sin(2 * np.pi * station_m / length_m)
+        assert form_of(station_m, left_m) == "one-row"

@@ -72,3 +72,14 @@ def test_a_crossing_street_is_not_beside_the_line() -> None:
     line = runs_of(drive(STRAIGHT, 0.0, 300.0))[0].line()
     across = drive(Road(0.4 + np.pi / 2, 0.0), -100.0, 100.0)
     assert beside(line, runs_of(across)) == ()
+
+
+@pytest.mark.parametrize("noise_m", [0.05, 0.15, 0.3])
+def test_noise_of_a_standing_receiver_is_no_path(noise_m: float) -> None:
+    rng = np.random.default_rng(3)
+    t_s = np.arange(0.0, 100.0, 0.1)
+    east_m = 5.0 * np.where(t_s < 20.0, t_s, np.maximum(t_s - 60.0, 20.0))
+    noisy_m = np.stack([east_m, np.zeros(len(t_s))], axis=1) + noise_m * rng.normal(size=(1000, 2))
+    (run,) = runs_of(Drive("stop", t_s, noisy_m))
+    driven_m = np.hypot(*np.diff(run.place_m, axis=0).T).sum()
+    assert driven_m == pytest.approx(200.0, rel=0.03)

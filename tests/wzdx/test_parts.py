@@ -21,6 +21,7 @@ from gaia_uwb.reconstruction import Reconstruction
 from gaia_uwb.roadside import RoadBoundary
 from gaia_uwb.wzdx import FeedConfig, Feeds, FeedZone, make_feeds, read_zone, zone_of
 from gaia_uwb.wzdx.feeds import feed_text
+from gaia_uwb.wzdx.parts import RoadZone
 from road_zones import (
     AT_M,
     BESIDE_M,
@@ -234,3 +235,14 @@ def test_a_cone_alone_is_left_out_and_named() -> None:
     assert [cone.anchor_id for cone in part.cones] == list(ids_of(4))
     assert zone.reasons == ("in no work zone with two cones, and left out: lone",)
     assert zone.reliable
+
+
+def test_a_zone_seen_from_the_other_direction_is_turned_as_a_whole() -> None:
+    line_m = np.array([[0.0, 0.0], [10.0, 1.0]])
+    zone = RoadZone(("a", "b"), (0.1, 0.7), (line_m, line_m + 20.0), ())
+    turned = zone.turned()
+    assert (turned.cones, turned.within_m) == (("b", "a"), (0.7, 0.1))
+    assert [line.tolist() for line in turned.edges_m] == [
+        [[30.0, 21.0], [20.0, 20.0]],
+        [[10.0, 1.0], [0.0, 0.0]],
+    ]

@@ -135,6 +135,8 @@ def read_line(path: Path) -> list[Any]:
     if len(lines) != 1:
         problem = f"expected GeoJSON with one LineString, got {len(lines) or 'none'}"
         raise InputError(problem, source=path)
+    if not lines[0]:
+        raise InputError("the LineString has no points", source=path)
     return [point[:2] if isinstance(point, list) else point for point in lines[0]]
 
 

@@ -195,8 +195,11 @@ class _Zone:
     def weave(self) -> list[Drive]:
         """Return the drives, the last of which leaves its lane beside the cones and comes back."""
         t_s, path = self.last.t_s, self.last.path
-        start_s, stop_s = np.quantile(t_s, [0.25, 0.75]) if len(t_s) else path.t_s[[0, -1]]
-        share = np.clip((path.t_s - start_s) / max(stop_s - start_s, 1e-9), 0.0, 1.0)
+        step_m = np.hypot(*np.diff(path.position_m, axis=0).T)
+        driven_m = np.append(0.0, np.cumsum(step_m))  # so that it stands while it stands
+        heard_m = np.interp(t_s, path.t_s, driven_m) if len(t_s) else driven_m
+        start_m, stop_m = heard_m.min() + np.array([0.25, 0.75]) * np.ptp(heard_m)
+        share = np.clip((driven_m - start_m) / max(stop_m - start_m, 1e-9), 0.0, 1.0)
         aside_m = 0.5 * LANE_M * (1.0 - np.cos(2.0 * np.pi * share))
         return [*self.drives[:-1], replace(self.last, path=self._aside(aside_m))]
 

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +32,8 @@ from gaia_uwb.config import (
 from gaia_uwb.logs._lever_arm import MAX_TAGS, TagInput, ids_as_text
 from gaia_uwb.logs._logs import check_file
 from gaia_uwb.scene import Scene, Tag
+
+_MOVED_M = 0.3  # from where a log says that an antenna is: one of both is wrong
 
 
 class VehicleTag(TagInput):
@@ -94,7 +97,8 @@ class Vehicle(Settings):
     def drove(self, scene: Scene) -> Scene:
         """Return a log as one of this vehicle's.
 
-        Where its drives have told where an antenna is, that counts, not what the log says.
+        Where its drives have told where an antenna is, that counts, not what the log says. Where
+        both are far apart, that is a problem of the log.
 
         Parameters
         ----------
@@ -111,7 +115,14 @@ class Vehicle(Settings):
         ('truck 7', [0.83, -0.8])
         """
         tags = tuple(self._calibrated(tag) for tag in scene.tags)
-        return replace(scene, vehicle=self.name, tags=tags)
+        apart = tuple(
+            f"tag {old.tag_id}: the log puts it {old.forward_m:g} m forward and {old.left_m:g} m "
+            f"left, but {self.name} was calibrated with {new.forward_m:g} and {new.left_m:g} m: is "
+            "it this vehicle, and was the tag moved?"
+            for old, new in zip(scene.tags, tags, strict=True)
+            if math.hypot(new.forward_m - old.forward_m, new.left_m - old.left_m) > _MOVED_M
+        )
+        return replace(scene, vehicle=self.name, tags=tags, problems=(*scene.problems, *apart))
 
     def _calibrated(self, tag: Tag) -> Tag:
         known = self.tags.get(tag.tag_id)

@@ -26,6 +26,7 @@ from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.roadside.road_boundary import ZoneForm
 
 _STEP_M = 1.2  # across the road: less is no other row, but cones that were put down carelessly
+_STEEP = 0.2  # across over along the road: less is the driver's own weaving
 _CLOSED_M = 2.0  # by which a row leads away at both ends to close ground, as less than a lane
 _COMPACT = 3.0  # length over width of what is no row
 _OUT_AND_BACK = 3  # steps to another row that no row with two tapers makes
@@ -71,7 +72,9 @@ def forms(
     many = station_m.shape[1] > 2
     is_between = (left_m > 0).any(axis=1) & (left_m <= 0).any(axis=1)
     is_compact = many & (width_m > _STEP_M) & (length_m < _COMPACT * width_m)
-    are_two_rows = _steps(in_order_m) >= _least_steps(station_m.shape[1])
+    at_m = np.take_along_axis(station_m, order, axis=1)
+    least = _least_steps(station_m.shape[1])
+    are_two_rows = (_steps(in_order_m) >= least) & (_steep(at_m, in_order_m) >= 0.5 * least)
     tangent_m = np.quantile(in_order_m, _TANGENT, axis=1)
     ends_m = np.minimum(in_order_m[:, 0], in_order_m[:, -1])
     is_closed = many & (ends_m - tangent_m > _CLOSED_M)
@@ -115,7 +118,9 @@ def has_two_rows(station_m: Float64[Array, "M"], left_m: Float64[Array, "M"]) ->
     order = np.argsort(station_m, kind="stable")
     width_m, length_m = np.ptp(left_m), np.ptp(station_m)
     is_compact = width_m > _STEP_M and length_m < _COMPACT * width_m
-    return bool(is_compact or _steps(np.abs(left_m[order])[None])[0] >= _least_steps(len(order)))
+    at_m, distance_m = station_m[order][None], np.abs(left_m[order])[None]
+    steps = min(_steps(distance_m)[0], 2 * _steep(at_m, distance_m)[0])
+    return bool(is_compact or steps >= _least_steps(len(order)))
 
 
 def facing(station_m: Float64[Array, "M"], distance_m: Float64[Array, "M"]) -> Bool[Array, "M"]:
@@ -185,3 +190,11 @@ def _steps(distance_m: Float64[Array, "S M"]) -> Float64[Array, "S"]:
         direction = np.where(rises, 1.0, np.where(falls, -1.0, direction))
         low, high = np.where(falls, now, low), np.where(rises, now, high)
     return count
+
+
+def _steep(
+    station_m: Float64[Array, "S M"], distance_m: Float64[Array, "S M"]
+) -> Int64[Array, "S"]:
+    """Count the steps from one cone to the next that no weaving vehicle makes of one row."""
+    across_m, along_m = np.abs(np.diff(distance_m, axis=1)), np.diff(station_m, axis=1)
+    return np.asarray(((across_m > _STEP_M) & (across_m > _STEEP * along_m)).sum(axis=1))

@@ -14,10 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64
+from gaia_uwb._shared import Array, Float64, Int64
 from gaia_uwb.roadside.road_line import DrivenPath, RoadLine
 
 _STEP_M = 0.5  # closer points are jitter while the vehicle stands
+_STAND_S, _STAND_MPS = 2.0, 0.2  # slower on average is standing
 _SMOOTH_M = 2.5  # standard deviation of the kernel; in a bend of radius R it is off by 3.1 m² / R
 _TURN_WITHIN_M, _TURN_RAD = 60.0, math.radians(135.0)  # what no road does, but a vehicle does
 _TURNING_RAD = math.radians(60.0)
@@ -88,8 +89,10 @@ def smooth(drive: Drive) -> Run | None:
     drive
         As it was recorded.
     """
-    kept = _moved(drive.position_m)
-    place_m, t_s = drive.position_m[kept], drive.t_s[kept]
+    moving = _moving(drive.t_s, drive.position_m)
+    place_m, t_s = drive.position_m[moving], drive.t_s[moving]
+    kept = _moved(place_m)
+    place_m, t_s = place_m[kept], t_s[kept]
     at_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place_m, axis=0).T))])
     if at_m[-1] < 2.0 * _STEP_M:
         return None
@@ -103,6 +106,25 @@ def smooth(drive: Drive) -> Run | None:
     longer = np.concatenate([before, even, after])
     each = [np.convolve(axis, kernel / kernel.sum(), mode="valid") for axis in longer.T]
     return Run(drive.name, t_s, np.stack(each, axis=1))
+
+
+def _moving(t_s: Float64[Array, "T"], position_m: Float64[Array, "T 2"]) -> Int64[Array, "K"]:
+    """Return the rows at which the vehicle does not stand: there, positions are but noise.
+
+    It stands where its mean places before and after are the same.
+    """
+    since = np.concatenate([np.zeros((1, 2)), np.cumsum(position_m, axis=0)])
+    now = np.arange(len(t_s))
+    before = np.minimum(np.searchsorted(t_s, t_s - _STAND_S), np.maximum(now - 1, 0))
+    after = np.maximum(np.searchsorted(t_s, t_s + _STAND_S, side="right"), now + 2).clip(
+        max=len(t_s)
+    )
+    past = (since[now + 1] - since[before]) / (now + 1 - before)[:, None]
+    next_ = (since[after] - since[now]) / (after - now)[:, None]
+    onwards_m = np.hypot(*(next_ - past).T)
+    moves = onwards_m >= _STAND_MPS * _STAND_S
+    moves[[0, -1]] = True
+    return np.flatnonzero(moves)
 
 
 def _moved(position_m: Float64[Array, "T 2"]) -> list[int]:

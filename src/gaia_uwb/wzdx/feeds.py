@@ -337,9 +337,9 @@ class _Event:
         if len(line) < 2:
             raise InputError("its line is shorter than a centimetre", source=zone.name)
         places = _degrees(zone, np.array([cone.position_m for cone in cones]))
-        start_m, end_m = (math.nan, math.nan) if part.road is None else part.road.within_m
-        within_m = (start_m, end_m) if step > 0 else (end_m, start_m)
-        return cls(cones, places, line, within_m, part.road)
+        road = part.road if part.road is None or step > 0 else part.road.turned()
+        within_m = (math.nan, math.nan) if road is None else road.within_m
+        return cls(cones, places, line, within_m, road)
 
 
 def _ring(places: list[list[float]]) -> list[list[float]]:

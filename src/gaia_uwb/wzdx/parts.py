@@ -8,7 +8,7 @@ path along it, from upstream to downstream.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,7 @@ class RoadZone:
     Parameters
     ----------
     cones
-        Ids of its cones.
+        Ids of its cones, upstream to downstream.
     within_m
         Of its start and its end: half the width of the 90 % interval along the road, in metres;
         NaN where it is unknown.
@@ -39,10 +39,19 @@ class RoadZone:
         Polygons of the closed area, each with its rings, in metres; none where it is unknown.
     """
 
-    cones: frozenset[str]
+    cones: tuple[str, ...]
     within_m: tuple[float, float]
     edges_m: tuple[Float64[Array, "_ 2"], ...]
     closed_m: tuple[tuple[Float64[Array, "_ 2"], ...], ...]
+
+    def turned(self) -> RoadZone:
+        """Return the zone as seen by those who drive the other way."""
+        return replace(
+            self,
+            cones=self.cones[::-1],
+            within_m=self.within_m[::-1],
+            edges_m=tuple(line_m[::-1] for line_m in reversed(self.edges_m)),
+        )
 
 
 @dataclass(frozen=True)
@@ -77,7 +86,7 @@ def road_zones(boundary: RoadBoundary | None) -> tuple[RoadZone, ...]:
     """
     return tuple(
         RoadZone(
-            cones=frozenset(zone.cones),
+            cones=zone.cones,
             within_m=(zone.start.within_m, zone.end.within_m),
             edges_m=tuple(line_m for edge in zone.edges for line_m in edge.lines),
             closed_m=() if zone.closed is None else zone.closed.region.polygons,
@@ -107,7 +116,7 @@ def _read_zone(zone: Any) -> RoadZone:
     start_m, end_m = (np.nan if within_m is None else float(within_m) for within_m in ends)
     closed = zone["closed"]
     return RoadZone(
-        cones=frozenset(map(_text, _list(zone["cones"]))),
+        cones=tuple(map(_text, _list(zone["cones"]))),
         within_m=(start_m, end_m),
         edges_m=tuple(_places(line) for edge in zone["edges"] for line in edge["lines"]),
         closed_m=tuple(
@@ -203,5 +212,10 @@ def _part(
     if len(line_m) < 2:
         return None
     order = np.argsort(own_m, kind="stable")
+    if road is not None:
+        at = {cones[k].anchor_id: float(at_m[k]) for k in rows}
+        own = [at[name] for name in road.cones if name in at]
+        if own and own[0] > own[-1]:  # the road's line is another pass, the other way
+            road = road.turned()
     passed = tuple(cones[k] for k in rows[order])
     return start_m, FeedPart(passed, own_m[order] - start_m, line_m, road)
