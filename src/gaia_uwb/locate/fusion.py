@@ -121,18 +121,20 @@ def fuse(passes: Sequence[Episode], config: PipelineConfig = PipelineConfig()) -
     if len(_by_drive(passes)) < 2:  # tags of one drive: nothing to compare
         return Fused(together, together.hypotheses, (), 1.0)
     given = [
-        replace(episode, run_errors=_for_certain(errors))
+        replace(episode, run_errors=for_certain(errors))
         for episode, errors in zip(passes, together.errors, strict=True)
     ]
     near = dict(zip(together.anchor_ids, together.hypotheses.position_m[:, 0], strict=True))
     drives = _by_drive(given)
     alone = find_places(list(drives.values()), config, near=[near] * len(drives))
     names = list(drives)
-    scatter = [_Scatter.of(names, alone, together, n) for n in range(len(together.anchor_ids))]
+    scatter = [Scatter.of(names, alone, together, n) for n in range(len(together.anchor_ids))]
     known = [each for each in scatter if each is not None]
-    scale2 = _scale2(known)
+    scale2 = error_scale2(known)
     moved = [each.disagreement for each in known if each.is_too_much(scale2)]
-    return Fused(together, _scaled(together.hypotheses, scatter, scale2), tuple(moved), scale2**0.5)
+    return Fused(
+        together, with_scatter(together.hypotheses, scatter, scale2), tuple(moved), scale2**0.5
+    )
 
 
 def _by_drive(passes: Sequence[Episode]) -> dict[str, list[Episode]]:
@@ -160,14 +162,28 @@ def mark_moved(anchors: Sequence[AnchorFix], fused: Fused) -> tuple[AnchorFix, .
     )
 
 
-def _for_certain(errors: DriveErrors) -> DriveErrors:
-    """Return the errors as if they were known: what passes share cannot make them disagree."""
+def for_certain(errors: DriveErrors) -> DriveErrors:
+    """Return the errors as if they were known: what passes share cannot make them disagree.
+
+    Parameters
+    ----------
+    errors
+        As they were estimated.
+    """
     return replace(errors, covariance=_CERTAIN**2 * np.eye(len(errors.mean)))
 
 
 @dataclass(frozen=True)
-class _Scatter:
-    """How far the passes' own places of an anchor scatter about their mean."""
+class Scatter:
+    """How far the passes' own places of an anchor scatter about their mean.
+
+    Parameters
+    ----------
+    misfit, degrees
+        Sum of the squared distances in standard errors, and of how many degrees of freedom.
+    disagreement
+        The pass that is farthest from the others.
+    """
 
     misfit: float
     degrees: int
@@ -180,7 +196,7 @@ class _Scatter:
         alone: Sequence[ZonePlaces],
         together: ZonePlaces,
         n: int,
-    ) -> _Scatter | None:
+    ) -> Scatter | None:
         """Compare the passes that located an anchor; None if fewer than two did."""
         name = together.anchor_ids[n]
         fused_m = together.hypotheses.position_m[n, 0]
@@ -219,8 +235,18 @@ class _Scatter:
         return self.misfit > limit * scale2 and self.disagreement.distance_m > _MOVED_M
 
 
-def _scaled(found: Hypotheses, scatter: Sequence[_Scatter | None], scale2: float) -> Hypotheses:
-    """Return the places with errors as large as the passes' scatter shows them."""
+def with_scatter(found: Hypotheses, scatter: Sequence[Scatter | None], scale2: float) -> Hypotheses:
+    """Return the places with errors as large as the passes' scatter shows them.
+
+    Parameters
+    ----------
+    found
+        As the passes think of them.
+    scatter
+        Of each anchor; None where fewer than two passes located it.
+    scale2
+        Of :func:`error_scale2`.
+    """
     own2 = np.ones(len(scatter))
     for n, each in enumerate(scatter):
         if each is not None:
@@ -236,8 +262,14 @@ def _scaled(found: Hypotheses, scatter: Sequence[_Scatter | None], scale2: float
     )
 
 
-def _scale2(scatter: Sequence[_Scatter]) -> float:
-    """Return how many times the passes' variances are too small, by the median anchor."""
+def error_scale2(scatter: Sequence[Scatter]) -> float:
+    """Return how many times the passes' variances are too small, by the median anchor.
+
+    Parameters
+    ----------
+    scatter
+        Of each anchor that two passes located, at least.
+    """
     if len(scatter) < _LEAST_ANCHORS:
         return 1.0
     return max(1.0, float(np.median([s.misfit / _chi_square(s.degrees, 0.0) for s in scatter])))

@@ -68,7 +68,7 @@ def in_one_frame(scenes: Sequence[Scene]) -> list[Scene]:
         loose = next((scene for scene in ordered if scene.frame is None), None)
         if loose is not None:
             raise _no_common_frame(loose, ordered[0])
-        ordered = [_in_frame(scene, first) for scene in ordered]
+        ordered = [in_frame(scene, first) for scene in ordered]
     names = [scene.name for scene in ordered]
     named = [
         replace(scene, name=f"{scene.name} ({names[: k + 1].count(scene.name)})")
@@ -122,8 +122,21 @@ def same_drive(one: Scene, other: Scene) -> bool:
     return fewer > 0 and len(readings[0] & readings[1]) > _SAME_SHARE * fewer
 
 
-def _in_frame(scene: Scene, frame: LocalFrame) -> Scene:
-    """Return a scene in another local frame; both are tied to WGS84."""
+def in_frame(scene: Scene, frame: LocalFrame) -> Scene:
+    """Return a scene in another local frame; both are tied to WGS84.
+
+    Parameters
+    ----------
+    scene
+        Any log.
+    frame
+        The other frame.
+
+    Raises
+    ------
+    InputError
+        If they are too far apart for one zone.
+    """
     if scene.frame is None or scene.frame == frame:
         return scene
     path = scene.trajectory

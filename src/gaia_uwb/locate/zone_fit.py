@@ -39,43 +39,34 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.episode import ErrorSizes
+from gaia_uwb.locate.error_sizes import (
+    LEAST_NOISE_M,
+    KeptSizes,
+    SizeSums,
+    sizes_of_cones,
+    sizes_of_errors,
+)
 from gaia_uwb.locate.evidence import Evidence
-from gaia_uwb.locate.slow_errors import DRIVE, OWN, RADIOS, SCALES_M, SlowErrors, Sums
+from gaia_uwb.locate.kept_prior import KeptPrior
+from gaia_uwb.locate.slow_errors import DRIVE, OWN, RADIOS, SlowErrors, Sums
 
 SIZES = ("noise_m", "alike", "outlier_share", "field_m", "delay_m", "pattern_m")
 
 _ROUGH_M = (1.0, 1.0, 1.0, 0.5, 0.5, 0.25, 0.25)  # noise assumed while places may be far off
 _AGAIN_M = (0.5, 0.25, 0.25)  # the same once clocks and bias are roughly known
 _FINER_M = (0.15, 0.1, 0.07, 0.05)  # noise assumed at least while slow errors become known
+_SETTLED = 4  # steps in which slow errors and outliers become known where nothing else changes
 STEPS = 8
 """Steps in which the sizes of the errors are estimated."""
 _LONGEST_STEP_M, _LONGEST_STEP_S = 3.0, 0.3
 _LONGEST_SHARE, _SHORT_M = 0.3, 0.1  # of the distance; a step that is never too long
 _ANYWHERE_M = 1e3  # prior standard deviation of a place
-_NOISE_M = (0.003, 3.0)  # least and largest white noise
-_MOST_ALIKE, _PAIRS_WORTH = 0.95, 20.0  # correlation of the noise; pairs for none
-_OUTLIERS = (0.002, 0.4)  # least and largest share of outliers
 ALIKE = 2.0
 """Errors are alike in ways that no model holds: what adds up over many readings counts half.
 
 ``benchmarks/quality/side_odds.py`` shows how often sides are wrong at which odds."""
-# What radios have: sizes in metres, and for how many degrees of freedom that counts.
-_FIELD_M, _FIELD_WORTH = 0.015, 3.0
-_DELAY_M, _DELAY_WORTH = 0.03, 4.0
-_PATTERN_M, _PATTERN_WORTH = 0.03, 16.0
-
 _BY_CONE = ("own", "covariance", "shared_m", "loss", "step", "outliers", "noise")
 _BY_ZONE = ("shared", "shared_covariance")
-
-RADIO_SIZES = ErrorSizes(
-    noise_m=0.1,
-    alike=0.0,
-    outlier_share=0.05,
-    field_m=np.full(len(SCALES_M), _FIELD_M),
-    delay_m=_DELAY_M,
-    pattern_m=_PATTERN_M,
-)
-"""Errors of a radio that nothing is known of."""
 
 
 @dataclass(frozen=True)
@@ -243,6 +234,8 @@ class Estimator:
         Of what is shared.
     errors
         Of the sizes of errors.
+    kept
+        What is known of the cones of a single zone; None: what is usual.
     """
 
     def __init__(
@@ -251,17 +244,21 @@ class Estimator:
         layout: Layout,
         prior: SharedPrior,
         errors: SizesPrior,
+        kept: KeptPrior | None = None,
     ) -> None:
+        self._kept = kept
         self._zone = layout.cone_zone
         self._drive_zone, self._drive_slot = layout.drive_zone, layout.drive_slot
         self._speed_noise_mps = layout.speed_noise_mps
         self._prior, self._settled = prior, errors.settled
         self._sizes = {name: np.array([getattr(s, name) for s in errors.sizes]) for name in SIZES}
-        self._least_noise_m = np.maximum(errors.least_noise_m, _NOISE_M[0])
+        self._least_noise_m = np.maximum(errors.least_noise_m, LEAST_NOISE_M)
         self._own = np.zeros((len(self._zone), 2, OWN))
         self._weight = np.full((len(self._zone), 2), 0.5)
         self._shared = prior.mean.copy()
         self._fields = [SlowErrors(each, self.offset_s) for each in evidence]
+        self.own_covariance = np.zeros((*self._own.shape, OWN))
+        """Of each cone's own unknowns at the last step, given what is shared; (N, 2, 5, 5)."""
 
     @property
     def offset_s(self) -> Float64[Array, "D"]:
@@ -346,30 +343,10 @@ class Estimator:
         noise_m = sizes["noise_m"] if rough_m is None else np.full(len(self._shared), rough_m)
         noise_m = np.maximum(noise_m, least_m)
         share = sizes["outlier_share"] if rough_m is None else np.zeros(len(self._shared))
-        sums = Sums.zeros(len(zone), self._shared.shape[1])
-        offset_s = self.offset_s
-        for field in self._fields:
-            cones = field.evidence.cones
-            field.linearise(
-                self._own[cones],
-                self._shared[zone[cones]],
-                offset_s,
-                self._drive_slot,
-                noise_m[zone[cones]],
-                sizes["alike"][zone[cones]],
-                share[zone[cones]],
-            )
-            field.add_to(sums, sizes["field_m"][zone[cones]], self._drive_slot)
-        precision = np.empty((len(noise_m), OWN))
-        precision[:, :2] = _ANYWHERE_M**-2
-        precision[:, 2] = sizes["delay_m"] ** -2.0
-        precision[:, 3:] = sizes["pattern_m"][:, None] ** -2.0
-        prior = precision[zone][:, None]  # (N, 1, 5)
-        matrix = sums.matrix + prior[..., None] * np.eye(OWN)
-        gradient = sums.gradient - prior * self._own
-        inverse = np.linalg.inv(matrix)
+        sums = self._summed(noise_m, share)
+        matrix, gradient, loss = self._with_own_prior(sums)
+        inverse = self.own_covariance = np.linalg.inv(matrix)
         through = inverse @ sums.cross  # (N, 2, 5, S)
-        loss = sums.loss + 0.5 * (prior * self._own**2)[..., 2:].sum(axis=-1)
         loss += 0.5 * np.linalg.slogdet(matrix)[1]
         back = np.swapaxes(through, -1, -2)
         sums.shared -= back @ sums.cross
@@ -413,19 +390,123 @@ class Estimator:
             noise=sums.squares / np.maximum(count - sums.outliers, 1.0),
         )
 
+    def _with_own_prior(self, sums: Sums) -> tuple[Array, Array, Float64[Array, "N 2"]]:
+        """Return what readings and priors say of each cone: matrix, gradient and loss."""
+        if self._kept is not None:
+            off = self._own - self._kept.mean
+            back_to = (self._kept.precision @ off[..., None])[..., 0]
+            loss = sums.loss + self._kept.loss + 0.5 * (off * back_to).sum(axis=-1)
+            return sums.matrix + self._kept.precision, sums.gradient - back_to, loss
+        sizes = self._sizes
+        precision = np.empty((len(sizes["delay_m"]), OWN))
+        precision[:, :2] = _ANYWHERE_M**-2
+        precision[:, 2] = sizes["delay_m"] ** -2.0
+        precision[:, 3:] = sizes["pattern_m"][:, None] ** -2.0
+        prior = precision[self._zone][:, None]  # (N, 1, 5)
+        matrix = sums.matrix + prior[..., None] * np.eye(OWN)
+        gradient = sums.gradient - prior * self._own
+        loss = sums.loss + 0.5 * (prior * self._own**2)[..., 2:].sum(axis=-1)
+        return matrix, gradient, loss
+
+    def _summed(self, noise_m: Float64[Array, "Z"], hidden_share: Float64[Array, "Z"]) -> Sums:
+        """Return what all readings say near the estimates by now."""
+        sizes, zone = self._sizes, self._zone
+        sums = Sums.zeros(len(zone), self._shared.shape[1])
+        offset_s = self.offset_s
+        for field in self._fields:
+            cones = field.evidence.cones
+            field.linearise(
+                self._own[cones],
+                self._shared[zone[cones]],
+                offset_s,
+                self._drive_slot,
+                noise_m[zone[cones]],
+                sizes["alike"][zone[cones]],
+                hidden_share[zone[cones]],
+            )
+            field.add_to(sums, sizes["field_m"][zone[cones]], self._drive_slot)
+        return sums
+
+    def start(self, own: Float64[Array, "N 2 5"], shared: Float64[Array, "Z S"]) -> None:
+        """Put all estimates somewhere, without slow errors.
+
+        Parameters
+        ----------
+        own : (N, 2, 5)
+            Of each cone.
+        shared : (Z, S)
+            Of what is shared.
+        """
+        self.place(own[..., :2])
+        self._own[:], self._shared[:] = own, shared
+
+    def settle(self, weight: Float64[Array, "N 2"]) -> Sums:
+        """Return what all readings say at these very estimates: only slow errors are estimated.
+
+        Parameters
+        ----------
+        weight : (N, 2)
+            Probability of each side.
+        """
+        self._weight = weight.copy()
+        nowhere, unchanged = np.zeros_like(self._own), np.zeros_like(self._shared)
+        for _ in range(_SETTLED):
+            sums = self._summed(self._sizes["noise_m"], self._sizes["outlier_share"])
+            for field in self._fields:
+                cones = field.evidence.cones
+                field.follow(nowhere[cones], unchanged[self._zone[cones]])
+        for field in self._fields:
+            field.add_freedom(sums)
+        return sums
+
+    def size_sums(self, sums: Sums, inverse: Float64[Array, "N 2 5 5"]) -> KeptSizes:
+        """Return what the residuals of a single zone say of the sizes of its errors.
+
+        Parameters
+        ----------
+        sums
+            Of :meth:`settle`.
+        inverse : (N, 2, 5, 5)
+            Covariance of each cone's unknowns, given what is shared.
+        """
+        explained = np.zeros_like(sums.freedom)
+        for field in self._fields:
+            explained[field.evidence.cones] += field.explained()
+        spent = np.einsum("nsij,nslji->nsl", inverse, sums.spent)
+        noise_m2 = self._sizes["noise_m"][0] ** 2
+
+        def total(values: Float64[Array, "N 2 *rest"]) -> Array:
+            return np.asarray(np.einsum("ns,ns...->...", self._weight, values))
+
+        told = SizeSums(
+            count=total(sums.count),
+            inliers=total(sums.count - sums.outliers),
+            outliers=total(sums.outliers),
+            squares_m2=np.asarray(total(sums.squares) * noise_m2),
+            products=total(sums.pairs[..., 0]),
+            pair_squares=total(sums.pairs[..., 1]),
+            freedom=total(sums.freedom - spent),
+            field_m2=self._sizes["field_m"][0] ** 2 * total(explained),
+        )
+        return KeptSizes.of(told, self._sizes["field_m"][0])
+
+    def speed_noise(self) -> Float64[Array, "D"]:
+        """Return what noise of the path seems to say of each drive's clock offset, and does not."""
+        weight = np.zeros(len(self._drive_slot))
+        for field in self._fields:
+            cones = field.evidence.cones
+            field_m = self._sizes["field_m"][self._zone[cones]]
+            weight += field.weight_by_drive(self._weight[cones], field_m, len(weight))
+        return np.asarray(weight * self._speed_noise_mps**2)
+
     def _without_noise_of_speed(self, data: Float64[Array, "Z S S"]) -> Float64[Array, "Z S S"]:
         """Return what readings say of all that is shared, less what noise of the path seems to say.
 
         A clock offset shows where the speed changes, and noise of the path looks like changes.
         """
         column = RADIOS + DRIVE * self._drive_slot
-        weight = np.zeros(len(self._drive_slot))
-        for field in self._fields:
-            cones = field.evidence.cones
-            field_m = self._sizes["field_m"][self._zone[cones]]
-            weight += field.weight_by_drive(self._weight[cones], field_m, len(weight))
         less = data.copy()
-        less[self._drive_zone, column, column] -= weight * self._speed_noise_mps**2
+        less[self._drive_zone, column, column] -= self.speed_noise()
         # What is left must not be less than nothing in any direction, such as all clocks together.
         unit = np.sqrt(np.diagonal(np.linalg.inv(self._prior.precision), axis1=1, axis2=2))
         value, vector = np.linalg.eigh(unit[:, :, None] * less * unit[:, None])
@@ -492,11 +573,6 @@ class Estimator:
             return np.bincount(zone, (weight * values).sum(axis=1), minlength=len(open_))
 
         sizes = self._sizes
-        inliers = by_zone(sums.count - sums.outliers)
-        noise2 = by_zone(sums.squares) * noise_m**2 / np.maximum(inliers, 1e-9)
-        share = by_zone(sums.outliers) / np.maximum(by_zone(sums.count), 1.0)
-        products, squares = (by_zone(x) for x in np.moveaxis(sums.pairs, -1, 0))
-        alike = np.clip(products / (squares + _PAIRS_WORTH), 0.0, _MOST_ALIKE)
         left = np.zeros_like(sums.freedom)
         for field in self._fields:
             field.add_freedom(sums)
@@ -504,19 +580,24 @@ class Estimator:
         spent = np.einsum("nsij,nslji->nsl", inverse, sums.spent)
         explained = np.stack([by_zone(x) for x in np.moveaxis(left, -1, 0)], axis=1)
         used = np.stack([by_zone(x) for x in np.moveaxis(sums.freedom - spent, -1, 0)], axis=1)
-        field2 = sizes["field_m"] ** 2
-        field2 = (field2 * explained + _FIELD_WORTH * _FIELD_M**2) / (used + _FIELD_WORTH)
+        products, squares = (by_zone(x) for x in np.moveaxis(sums.pairs, -1, 0))
+        told = SizeSums(
+            count=by_zone(sums.count),
+            inliers=by_zone(sums.count - sums.outliers),
+            outliers=by_zone(sums.outliers),
+            squares_m2=by_zone(sums.squares) * noise_m**2,
+            products=products,
+            pair_squares=squares,
+            freedom=used,
+            field_m2=sizes["field_m"] ** 2 * explained,
+        )
+        if self._kept is not None:
+            told = told + self._kept.sizes.now(sizes["field_m"][0])
         spread = self._own**2 + np.diagonal(inverse, axis1=-2, axis2=-1)
         n_cones = np.bincount(zone, minlength=len(open_))
-        delay2 = by_zone(spread[..., 2]) + _DELAY_WORTH * _DELAY_M**2
-        pattern2 = by_zone(spread[..., 3:].sum(axis=-1)) + _PATTERN_WORTH * _PATTERN_M**2
         found = {
-            "noise_m": np.clip(np.sqrt(noise2), self._least_noise_m, _NOISE_M[1]),
-            "alike": alike,
-            "outlier_share": np.clip(share, *_OUTLIERS),
-            "field_m": np.sqrt(field2),
-            "delay_m": np.sqrt(delay2 / (n_cones + _DELAY_WORTH)),
-            "pattern_m": np.sqrt(pattern2 / (2 * n_cones + _PATTERN_WORTH)),
+            **sizes_of_errors(told, self._least_noise_m),
+            **sizes_of_cones(by_zone(spread[..., 2]), by_zone(spread[..., 3:].sum(-1)), n_cones),
         }
         for name, value in found.items():
             sizes[name][open_] = value[open_]

@@ -13,10 +13,11 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, Int64
 from gaia_uwb.config import PipelineConfig
-from gaia_uwb.episode import ClockOffset, DriveErrors, Episode, RangeReadings
+from gaia_uwb.episode import ClockOffset, DriveErrors, Episode, ErrorSizes, RangeReadings
 from gaia_uwb.locate.angles import Angles, with_angles
 from gaia_uwb.locate.common_prior import known_clock, shared_prior
 from gaia_uwb.locate.cone_ranges import HardlyHeard, Ties, with_cone_ranges
+from gaia_uwb.locate.error_sizes import RADIO_SIZES
 from gaia_uwb.locate.evidence import VELOCITY_OVER_S, Evidence, Heard, Motion, gather
 from gaia_uwb.locate.honest_errors import path_centres
 from gaia_uwb.locate.hypotheses import Hypotheses
@@ -25,7 +26,6 @@ from gaia_uwb.locate.path_noise import smooth_path, speed_noise_mps
 from gaia_uwb.locate.slow_errors import DRIVE, RADIOS
 from gaia_uwb.locate.zone_fit import (
     ALIKE,
-    RADIO_SIZES,
     Estimator,
     Layout,
     SharedPrior,
@@ -48,7 +48,8 @@ _MOST_M = 0.6  # white noise, and slow errors, of radios that work on a known pa
 _MOST_OUTLIERS, _MOST_NOISE = 0.5, 3.0  # of a cone that stands where it was located
 _MOST_DELAY_M = 0.3
 _ROUGH_SHARE, _ROUGH_M = 0.1, 0.15  # of outliers; noise or slow errors in metres
-_STILL = 0.1  # converged where the last step was shorter than this, in standard deviations
+STILL = 0.1
+"""Converged where the last step was shorter than this, in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,8 @@ class ZonePlaces:
     shared_covariance : (S, S), optional
         Covariance of what the cones have in common, of all drives together: bias, growth, and the
         last six numbers of each one's ``errors``; S = 2 + 6 K.
+    own : (N, 2, 5), optional
+        Of each cone: east, north, delay and pattern, the better-fitting side first.
     """
 
     anchor_ids: tuple[str, ...]
@@ -81,6 +84,7 @@ class ZonePlaces:
     noise: Float64[Array, "N"]
     contradictions: tuple[tuple[str, str, float, float], ...] = ()
     shared_covariance: Float64[Array, "S S"] | None = None
+    own: Float64[Array, "N 2 5"] | None = None
 
     @property
     def rough(self) -> bool:
@@ -145,14 +149,14 @@ def _fit_batch(
     ids = [all_anchors(episodes) for episodes in zones]
     first = np.cumsum([0] + [len(each) for each in ids])
     n_drives = len(zones[0])
-    heard, noise_mps, paths = [], [], _Paths()
+    heard, noise_mps, paths = [], [], Paths()
     for z, episodes in enumerate(zones):
         index = {name: int(first[z]) + n for n, name in enumerate(ids[z])}
         for episode in episodes:
             readings = readings_of(episode)
             path, noise = paths.smoothed(readings.trajectory)
             noise_mps.append(noise)
-            heard.append(_heard(episode, replace(readings, trajectory=path), index))
+            heard.append(heard_of(episode, replace(readings, trajectory=path), index))
     cone_zone = np.repeat(np.arange(len(zones)), np.diff(first))
     drive_zone = np.repeat(np.arange(len(zones)), n_drives)
     priors = [shared_prior(episodes, config) for episodes in zones]
@@ -179,7 +183,7 @@ def _fit_batch(
     for z, hints in enumerate(near):
         for n, name in enumerate(ids[z]):
             hint_m[first[z] + n] = hints.get(name, np.nan)
-    starts = _Starts(evidence, hint_m, config.solver.min_ranges)
+    starts = Starts(evidence, hint_m, config.solver.min_ranges)
     start_m = starts.both_sides(estimator)
     located = np.asarray(np.isfinite(start_m).all(axis=(1, 2)))
     estimator.place(np.nan_to_num(start_m))
@@ -190,7 +194,7 @@ def _fit_batch(
     estimator.finer()
     fit = estimator.refine()
     for _ in range(_MOST_EXTRA):
-        moving = located & (_best(fit.step, fit.loss) > _STILL)
+        moving = located & (_best(fit.step, fit.loss) > STILL)
         moving = np.bincount(cone_zone, moving, minlength=len(zones)) > 0
         if not moving.any():
             break
@@ -235,7 +239,7 @@ def readings_of(episode: Episode) -> RangeReadings:
     )
 
 
-class _Paths:
+class Paths:
     """Smoothed paths; windows of one run have the same."""
 
     def __init__(self) -> None:
@@ -249,7 +253,18 @@ class _Paths:
         return self._known[id(path)][1:]
 
 
-def _heard(episode: Episode, readings: RangeReadings, index: dict[str, int]) -> Heard:
+def heard_of(episode: Episode, readings: RangeReadings, index: Mapping[str, int]) -> Heard:
+    """Return what a drive heard, with the number of each cone in its zone.
+
+    Parameters
+    ----------
+    episode
+        Its anchors and their heights count.
+    readings
+        Its readings, with the path that is to be used.
+    index
+        Number of each cone, by id.
+    """
     n = episode.n_anchors
     return Heard(
         readings,
@@ -273,7 +288,7 @@ def _clocks(
 
 
 @dataclass(frozen=True)
-class _Starts:
+class Starts:
     """Where to seek cones: on both sides of the path, and near places that are known already.
 
     Parameters
@@ -360,8 +375,8 @@ def _places(
         log_odds=np.where(located, np.ptp(fit.loss, axis=1) / ALIKE, 0.0),
         own_bias_m=np.where(located, fit.own[:, 0, 2], 0.0),
         n_ranges=count,
-        converged=~located | (fit.step[:, 0] < _STILL),
-        fits=~located | _fits(fit),
+        converged=~located | (fit.step[:, 0] < STILL),
+        fits=~located | fits(fit.sizes[0], fit.outliers[:, 0], fit.noise[:, 0], fit.own[:, 0, 2]),
         shared_m=fit.shared_m,
         centre_m=_centres(episodes, ids),
     )
@@ -386,6 +401,7 @@ def _places(
         fit.noise[:, 0],
         tuple((ids[a], ids[b], measured, expected) for a, b, measured, expected in contradictions),
         fit.shared_covariance[0],
+        fit.own,
     )
 
 
@@ -415,14 +431,29 @@ def _hardly_heard(
     return HardlyHeard(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _fits(fit: ZoneFit) -> Bool[Array, "n"]:
-    """Return whether ranges err like those of working radios, if the cones stand there."""
-    sizes = fit.sizes[0]
+def fits(
+    sizes: ErrorSizes,
+    outliers: Float64[Array, "n"],
+    noise: Float64[Array, "n"],
+    delay_m: Float64[Array, "n"],
+) -> Bool[Array, "n"]:
+    """Return whether ranges err like those of working radios, if the cones stand there.
+
+    Parameters
+    ----------
+    sizes
+        Of the errors of the zone's ranges.
+    outliers, noise : (n,)
+        Of each cone's readings: the share of outliers, and the others' mean square as a multiple
+        of what the noise says.
+    delay_m : (n,)
+        Of each cone.
+    """
     slow_m = float(np.sqrt((sizes.field_m**2).sum()))
     if max(sizes.noise_m, slow_m) > _MOST_M:
-        return np.zeros(len(fit.loss), dtype=np.bool_)
-    like_others = (fit.outliers[:, 0] < _MOST_OUTLIERS) & (fit.noise[:, 0] < _MOST_NOISE)
-    return np.asarray(like_others & (np.abs(fit.own[:, 0, 2]) < _MOST_DELAY_M))
+        return np.zeros(len(delay_m), dtype=np.bool_)
+    like_others = (outliers < _MOST_OUTLIERS) & (noise < _MOST_NOISE)
+    return np.asarray(like_others & (np.abs(delay_m) < _MOST_DELAY_M))
 
 
 def _drive_errors(fit: ZoneFit, k: int) -> DriveErrors:
