@@ -31,6 +31,7 @@ from gaia_uwb.estimate import (
 )
 from gaia_uwb.locate import (
     CLOCK_KNOWN,
+    Fused,
     Hypotheses,
     ZonePlaces,
     contradicted_values,
@@ -87,6 +88,37 @@ def prepare(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Episode:
         If a road's edge is given, but not where the local frame is on the Earth.
     """
     return _prepare(scene, config, alone=True)
+
+
+def prepare_pass(scene: Scene, config: PipelineConfig = PipelineConfig()) -> Episode:
+    """Prepare a log like :func:`prepare`, as one of several of a zone.
+
+    Parameters
+    ----------
+    scene
+        The log, of one tag.
+    config
+        As in :func:`prepare`.
+
+    Returns
+    -------
+    Episode
+        With the readings of cones of which it has few: other passes may have more of them.
+    """
+    return _prepare(scene, config, alone=False)
+
+
+def as_only_pass(episode: Episode, config: PipelineConfig = PipelineConfig()) -> Episode:
+    """Return what :func:`prepare` gives, from what :func:`prepare_pass` gave.
+
+    Parameters
+    ----------
+    episode
+        A prepared log.
+    config
+        That it was prepared with.
+    """
+    return _without_hardly_heard(episode, config, alone=True)
 
 
 def _prepare(scene: Scene, config: PipelineConfig, *, alone: bool) -> Episode:
@@ -242,8 +274,40 @@ def reconstruct_passes(
     denoiser = make_denoiser(config.denoiser)
     denoised = _denoise(denoiser, passes, config.denoiser)
     fused = fuse(_evidence(denoiser, passes, denoised), config)
-    ids = fused.places.anchor_ids
     apart = tuple(contradicted_values(passes, fused.places.errors, config))
+    return _concluded(passes, denoised, denoiser, fused, apart, config)
+
+
+def conclude(
+    passes: Sequence[Episode], fused: Fused, config: PipelineConfig = PipelineConfig()
+) -> Reconstruction:
+    """Decide the sides and draw the boundary where all cones have been located already.
+
+    Parameters
+    ----------
+    passes
+        Prepared passes to show with the result, in the order of ``fused.places.errors``.
+    fused
+        What is known of the cones: of these passes, and maybe of others.
+    config
+        All settings.
+    """
+    blind = [episode.without_truth() for episode in passes]
+    denoiser = make_denoiser(config.denoiser)
+    denoised = _denoise(denoiser, blind, config.denoiser)
+    return _concluded(blind, denoised, denoiser, fused, (), config)
+
+
+def _concluded(
+    passes: Sequence[Episode],
+    denoised: Sequence[DenoisedRanges],
+    denoiser: Denoiser,
+    fused: Fused,
+    apart: tuple[Reason, ...],
+    config: PipelineConfig,
+) -> Reconstruction:
+    """Decide the sides of cones that several passes have located, and draw the boundary."""
+    ids = fused.places.anchor_ids
     passes = [
         _as_fused(episode, errors, fused.places, config)
         for episode, errors in zip(passes, fused.places.errors, strict=True)
