@@ -21,6 +21,7 @@ from .estimate import (
     SideSource as SideSource,
 )
 from .evaluate import CheckReport as CheckReport, check_scene as check_scene
+from .kept import Zone as Zone
 from .logs import read_native as read_native, write_native as write_native
 from .outputs import write_all as write_all
 from .pipeline import prepare as prepare

@@ -1,0 +1,5 @@
+"""A zone that is kept: each drive is folded in once, and what changed is told."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
