@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gaia_uwb._shared import printable
+from gaia_uwb._shared import ConfigError, printable
 from gaia_uwb.cli.boundary_options import (
     ClosedLanesOption,
     ClosedWidthOption,
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gaia_uwb._shared import OutputFolder
+    from gaia_uwb.config import PipelineConfig
+    from gaia_uwb.reconstruction import Reconstruction
     from gaia_uwb.scene import Scene
 
 
@@ -83,6 +85,13 @@ def reconstruct(
     vehicle: VehicleOption = None,
     clock_offset: ClockOffsetOption = None,
     svg: Annotated[bool, typer.Option("--svg", help="Also write plot.svg.")] = False,
+    zone: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of a zone that is kept: the logs are added to the drives in it, and the "
+            "result is that of all. It is made if it is not there; then the settings stay.",
+        ),
+    ] = None,
     gis: Annotated[
         bool, typer.Option("--gis", help="Also write boundary.gpkg and boundary.kml.")
     ] = False,
@@ -118,6 +127,11 @@ def reconstruct(
     if n_logs > 1:
         results.claim(FAILURE_FILES)
     reliable = True
+    if zone is not None and scenes:
+        results.claim(RESULT_FILES)
+        result = _added(scenes, zone, settings)
+        print_summary(result, None, write_all(result, out, None, svg=svg, gis=gis))
+        reliable, scenes = result.status is ReconstructionStatus.OK, []
     with Progress() as progress:
         if one_zone if one_zone is not None else len(sources) > 1:
             runs = [(scenes, out)] if scenes else []
@@ -140,6 +154,22 @@ def reconstruct(
     _tell_failures(failures, n_logs, results)
     if not reliable:
         raise typer.Exit(UNRELIABLE)
+
+
+def _added(scenes: Sequence[Scene], folder: Path, settings: PipelineConfig) -> Reconstruction:
+    """Add drives to a kept zone, and return the result of all of its drives."""
+    from gaia_uwb.kept import Zone
+
+    if folder.is_dir() and any(folder.iterdir()):
+        kept = Zone.open(folder)
+        if kept.config != settings:
+            problem = "was made with other settings, which stay: name another folder"
+            raise ConfigError(f"{folder}: {problem}")
+    else:
+        frame = scenes[0].frame if scenes else None
+        kept = Zone.create(folder, frame=frame, config=settings)
+    kept.add(scenes)
+    return kept.result()
 
 
 def _tell_failures(
