@@ -261,6 +261,23 @@ class PipelineConfig(Settings):
         return self
 
 
+class ChangesConfig(Settings):
+    """What a kept zone takes for a change of its cones (``kept/changes.py``)."""
+
+    moved_m: float = Field(default=0.5, gt=0, le=100)
+    """A drive that puts a cone nearer to its place than this agrees with it."""
+    moved_sigma: float = Field(default=5.0, ge=2, le=10)
+    """The level of the test for moved cones, as a one-sided normal quantile."""
+    silent_odds: float = Field(default=1000.0, ge=10, le=1e6)
+    """A cone is silent when drives that never heard it are this many times likelier if it is."""
+    silent_cones: Literal["keep", "drop"] = "keep"
+    """Whether silent cones stay in the boundary: a flat battery looks like a cone that is gone."""
+    gone_after_s: float = Field(default=86_400.0, gt=0, le=1e9)
+    """A cone that has been silent for longer than this is gone, and leaves the boundary."""
+    drift_m_per_day: float = Field(default=0.02, ge=0, le=10)
+    """Standard deviation of a cone's random walk in a day: how fast evidence ages."""
+
+
 def load_config(path: Path) -> PipelineConfig:
     """Read settings from a YAML file; what it omits keeps its default.
 

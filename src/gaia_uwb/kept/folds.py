@@ -9,14 +9,15 @@ exact.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64, Int64
-from gaia_uwb.config import PipelineConfig
+from gaia_uwb.config import ChangesConfig, PipelineConfig
 from gaia_uwb.episode import DriveErrors, Episode, ErrorSizes
+from gaia_uwb.kept.changes import Suspicion, Watched, far_apart, is_lying, silence, suspects
 from gaia_uwb.kept.estimates import CommonPrior, ZoneEstimates, estimate
 from gaia_uwb.kept.scatter import OwnPlaces, ScatterSums
 from gaia_uwb.kept.sums import ZoneSums, own_part
@@ -31,6 +32,7 @@ from gaia_uwb.locate import (
     Point,
     ZonePlaces,
     drive_prior,
+    error_scale2,
     find_places,
     lasting_prior,
     own_prior,
@@ -43,6 +45,7 @@ _ROUNDS = 8  # of taking blocks anew when a zone's sums begin
 _REWEIGHED = 0.02  # change of a side's probability by which sums are formed anew
 _MOVED_SIGMA, _MOVED_M = 0.3, 0.05  # from where its block was taken: it is taken anew
 _MOST_ROUNDS = 3  # in which this is done
+_SETTLED = 50.0  # of the losses of both sides: beyond it no drive will make the other likely
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,12 @@ class Folded:
         How the drives' own places scatter.
     counts
         How often the past was worked on again.
+    since
+        Of cones that were moved, the number of the first drive that heard them where they stand.
+    watched
+        What is known of changes, by cone.
+    ended_s
+        When the last drive ended.
     """
 
     sums: ZoneSums
@@ -88,11 +97,19 @@ class Folded:
     points_m: tuple[dict[str, Float64[Array, "2"]], ...]
     scatter: ScatterSums
     counts: Counts = Counts()
+    since: dict[str, int] = field(default_factory=dict)
+    watched: dict[str, Watched] = field(default_factory=dict)
+    ended_s: float = 0.0
 
     @cached_property
     def estimates(self) -> ZoneEstimates:
         """What the sums say."""
         return estimate(self.sums, self.common, self.start, self.least_noise_m)
+
+    @property
+    def places_m(self) -> dict[str, Float64[Array, "2"]]:
+        """Where each cone stands, on its likelier side."""
+        return dict(zip(self.sums.anchor_ids, _best(self.estimates), strict=True))
 
 
 @dataclass(frozen=True)
@@ -138,7 +155,7 @@ class Past:
 
 
 def begin(
-    drives: Sequence[Sequence[Episode]], config: PipelineConfig
+    drives: Sequence[Sequence[Episode]], config: PipelineConfig, ended_s: Sequence[float] = ()
 ) -> tuple[Folded, list[DriveBlock], list[OwnPlaces], list[tuple[DriveErrors, ...]]]:
     """Fit drives together and add up their blocks at that fit.
 
@@ -148,6 +165,8 @@ def begin(
         Prepared episodes of each drive's tags, in the zone's frame and order.
     config
         All settings.
+    ended_s
+        When each of them ended; by default at once.
     """
     passes = sorted((each for drive in drives for each in drive), key=lambda each: each.name)
     places = find_places([passes], config)[0]
@@ -190,10 +209,37 @@ def begin(
     owns, all_errors = [], []
     for each, block in zip(readings, blocks, strict=True):
         errors_now = _errors(zone, block)
-        owns.append(_own_places(zone, each, errors_now))
+        owns.append(_own_places(zone, each, errors_now, block.point.weight))
         all_errors.append(errors_now)
         zone = replace(zone, scatter=zone.scatter.plus(owns[-1]))
+    for number, (drive, at_s) in enumerate(
+        zip(drives, ended_s or [0.0] * len(drives), strict=True)
+    ):
+        zone = _watch(zone, drive, at_s, is_late=number > 0)
     return zone, blocks, owns, all_errors
+
+
+def _watch(
+    zone: Folded, episodes: Sequence[Episode], at_s: float, *, is_late: bool = True
+) -> Folded:
+    """Note which cones a drive heard in their places, and which it should have heard."""
+    places_m = dict(zip(zone.sums.anchor_ids, _best(zone.estimates), strict=True))
+    known = {name: place_m for name, place_m in places_m.items() if name in zone.watched}
+    watched = dict(zone.watched)
+    count: dict[str, int] = {}
+    for episode in episodes:
+        for name, n in zip(episode.anchor_ids, episode.valid.sum(axis=0).tolist(), strict=True):
+            count[name] = count.get(name, 0) + n
+    for name, n in count.items():
+        if not n:
+            continue
+        if name not in watched:
+            watched[name] = Watched(at_s, at_s, is_late=is_late)
+        else:
+            watched[name] = watched[name].heard(at_s)
+    for name, ratio in silence(episodes, known).items():
+        watched[name] = watched[name].unheard(at_s, ratio)
+    return replace(zone, watched=watched, ended_s=at_s)
 
 
 def _with_losses(
@@ -221,7 +267,9 @@ def fold(
     vehicles: Sequence[Episode],
     past: Past,
     config: PipelineConfig,
-) -> OneFold:
+    ended_s: float | None = None,
+    changes: ChangesConfig = ChangesConfig(),
+) -> OneFold | None:
     """Fold one more drive in.
 
     Parameters
@@ -236,30 +284,157 @@ def fold(
         The drives before it: they are read where the past must be worked on again.
     config
         All settings.
+    ended_s
+        When it ended; by default with the drive before it.
+    changes
+        What counts as a change.
+
+    Returns
+    -------
+    OneFold or None
+        None if the drive contradicts the zone, so that it is left out.
     """
+    ended_s = zone.ended_s if ended_s is None else ended_s
+    days = max(ended_s - zone.ended_s, 0.0) / 86_400.0
+    drift_m2 = changes.drift_m_per_day**2 * days
     least_m = max(zone.least_noise_m, _least(episodes))
     new = [each for each in episodes if vehicle_of(each) not in zone.sums.vehicles]
     if new:
         zone = replace(zone, common=_common([*vehicles, *new], config))
-    first = vehicles[0]
-    readings = _readings(episodes, first, config)
-    known = known_before(zone, readings)
+    readings = _readings(episodes, vehicles[0], config)
+    known = known_before(replace(zone, sums=zone.sums.aged(drift_m2)), readings)
     point, loss = readings.fit(known)
+    own = _own_places(zone, readings, _errors_at(point, len(episodes)), point.weight)
+    apart = _suspects(zone, readings, known, point, own, changes)
+    off = point.shared - known.shared_mean
+    n_known = int(known.is_known.sum())
+    if is_lying(len(apart), n_known, off, known.shared_covariance, changes):
+        return None
+    zone, moved = _judged(zone, readings, own, apart, ended_s, past, changes)
+    if moved:  # these are new where they stand now
+        known = known_before(replace(zone, sums=zone.sums.aged(drift_m2)), readings)
+        point, loss = readings.fit(known)
+    aside = [name for name in apart if name not in moved]
+    point = _set_aside(point, readings, aside)
     point = replace(point, own=np.where(_unlikely(zone, readings), known.mean, point.own))
-    block = readings.block(point, known.given_shared, loss)
+    block = replace(readings.block(point, known.given_shared, loss), drift_m2=drift_m2)
     zone = _reweighed(
         replace(zone, start=point.sizes, least_noise_m=least_m), readings, point, past
     )
     for _ in range(2):
         then = replace(zone, sums=zone.sums.plus(block))
-        block = readings.block(point_now(then, block), known.given_shared, loss)
+        there = point_now(then, block)
+        block = replace(readings.block(there, known.given_shared, loss), drift_m2=drift_m2)
     points_m = (*zone.points_m, _points(block))
     after = replace(zone, sums=zone.sums.plus(block), points_m=points_m)
-    after, refolded = _worked_on_again(after, block, past, first, config)
+    after, refolded = _worked_on_again(after, block, past, vehicles[0], config)
     block = refolded.pop(past.n_drives, block)
-    errors = _errors(after, block)
-    own = _own_places(after, readings, errors)
-    return OneFold(replace(after, scatter=after.scatter.plus(own)), block, own, errors, refolded)
+    own = _own_places_of(own, aside)
+    after = _watch(replace(after, scatter=after.scatter.plus(own)), episodes, ended_s)
+    after = _still_suspected(after, zone, aside)
+    return OneFold(after, block, own, _errors(after, block), refolded)
+
+
+def _errors_at(point: Point, n_tags: int) -> tuple[DriveErrors, ...]:
+    """Return what a fit found of each tag of a drive, as if it were certain."""
+    first = [np.arange(RADIOS, dtype=np.int64)]
+    own = [RADIOS + DRIVE * k + np.arange(DRIVE) for k in range(n_tags)]
+    size = RADIOS + DRIVE
+    return tuple(
+        DriveErrors(point.shared[np.concatenate([*first, tag])], np.eye(size), point.sizes)
+        for tag in own
+    )
+
+
+def _suspects(
+    zone: Folded,
+    readings: DriveReadings,
+    known: KnownBefore,
+    point: Point,
+    own: OwnPlaces,
+    changes: ChangesConfig,
+) -> list[str]:
+    """Return the cones that a drive puts elsewhere than the drives before it."""
+    best = zone.estimates.loss.argmin(axis=1)
+    side = point.weight.argmax(axis=1)
+    rows = np.arange(len(side))
+    place_m = np.where(known.is_known[:, None], known.mean[rows, side, :2], np.nan)
+    spread_m2 = np.linalg.inv(known.given_shared)[rows, side, :2, :2]
+    scattered = [each for each in zone.scatter.of(zone.sums.anchor_ids, best) if each is not None]
+    larger = error_scale2(scattered)
+    wide = replace(own, covariance_m2=larger * own.covariance_m2)
+    found = suspects(wide, side.tolist(), place_m, larger * spread_m2, changes)
+    return [readings.anchor_ids[n] for n in found]
+
+
+def _judged(
+    zone: Folded,
+    readings: DriveReadings,
+    own: OwnPlaces,
+    apart: Sequence[str],
+    ended_s: float,
+    past: Past,
+    changes: ChangesConfig,
+) -> tuple[Folded, list[str]]:
+    """Say of suspected cones whether they have moved; those that have are forgotten in the sums."""
+    index = {name: n for n, name in enumerate(readings.anchor_ids)}
+    best = dict(zip(zone.sums.anchor_ids, _best(zone.estimates), strict=True))
+    side = dict(zip(zone.sums.anchor_ids, zone.estimates.loss.argmin(axis=1), strict=True))
+    watched, since, moved = dict(zone.watched), dict(zone.since), []
+    for name in apart:
+        n, s = index[name], int(side[name])
+        place_m, spread_m2 = own.place_m[n, s], own.covariance_m2[n, s]
+        distance_m = float(np.hypot(*(place_m - best[name])))
+        found = Suspicion(readings.episodes[0].name, ended_s, place_m, spread_m2, distance_m)
+        first = watched[name].suspicion
+        agree = first is not None and not far_apart(
+            place_m, first.place_m, spread_m2 + first.covariance_m2, changes
+        )
+        if first is not None and agree:
+            watched[name] = watched[name].moved(best[name], first, ended_s)
+            since[name] = past.n_drives
+            moved.append(name)
+        else:
+            watched[name] = watched[name].suspected(found)
+    zone = replace(zone, watched=watched, since=since)
+    return (_forgotten(zone, moved, past), moved) if moved else (zone, moved)
+
+
+def _forgotten(zone: Folded, moved: Sequence[str], past: Past) -> Folded:
+    """Return a zone whose earlier drives say nothing of some cones."""
+    ids = zone.sums.anchor_ids
+    keep = {name: n for n, name in enumerate(ids) if name not in moved}
+    weight = {name: zone.sums.weight[n] for name, n in keep.items()}
+    reference_m = {name: zone.sums.reference_m[n] for name, n in keep.items()}
+    blocks = [past.block(number) for number in range(past.n_drives)]
+    points_m = tuple(
+        {name: place_m for name, place_m in each.items() if name in keep} for each in zone.points_m
+    )
+    return replace(
+        zone,
+        sums=ZoneSums.of(blocks, weight, reference_m, zone.since),
+        points_m=points_m,
+        scatter=zone.scatter.without(moved),
+        counts=replace(zone.counts, resummed=zone.counts.resummed + 1),
+    )
+
+
+def _set_aside(point: Point, readings: DriveReadings, cones: Sequence[str]) -> Point:
+    """Return estimates without those of some cones, whose readings then do not count."""
+    aside = np.array([name in cones for name in readings.anchor_ids])
+    return replace(point, own=np.where(aside[:, None, None], np.nan, point.own))
+
+
+def _own_places_of(own: OwnPlaces, aside: Sequence[str]) -> OwnPlaces:
+    away = np.array([name in aside for name in own.anchor_ids])
+    return replace(own, place_m=np.where(away[:, None, None], np.nan, own.place_m))
+
+
+def _still_suspected(zone: Folded, before: Folded, aside: Sequence[str]) -> Folded:
+    """Return a zone in which cones that a drive put elsewhere were not heard in their places."""
+    watched = dict(zone.watched)
+    watched |= {name: before.watched[name] for name in aside}
+    return replace(zone, watched=watched)
 
 
 def _reweighed(zone: Folded, readings: DriveReadings, point: Point, past: Past) -> Folded:
@@ -267,7 +442,9 @@ def _reweighed(zone: Folded, readings: DriveReadings, point: Point, past: Past) 
     ids = zone.sums.anchor_ids
     weight = dict(zip(ids, zone.sums.weight, strict=True))
     new = dict(zip(readings.anchor_ids, point.weight, strict=True))
-    weight |= {name: each for name, each in new.items() if name in weight}
+    there = np.asarray(np.isfinite(point.own).all(axis=(1, 2)))
+    here = {name for name, located in zip(readings.anchor_ids, there, strict=True) if located}
+    weight |= {name: each for name, each in new.items() if name in weight and name in here}
     off = [
         np.abs(weight[name] - own).max() for name, own in zip(ids, zone.sums.weight, strict=True)
     ]
@@ -276,7 +453,8 @@ def _reweighed(zone: Folded, readings: DriveReadings, point: Point, past: Past) 
     blocks = [past.block(number) for number in range(past.n_drives)]
     reference_m = dict(zip(ids, zone.sums.reference_m, strict=True))
     counts = replace(zone.counts, resummed=zone.counts.resummed + 1)
-    return replace(zone, sums=ZoneSums.of(blocks, weight, reference_m), counts=counts)
+    sums = ZoneSums.of(blocks, weight, reference_m, zone.since)
+    return replace(zone, sums=sums, counts=counts)
 
 
 def _worked_on_again(
@@ -307,7 +485,10 @@ def _worked_on_again(
             block = block_of(number)
             readings = _readings(past.episodes(number), first, config)
             there = point_now(zone, block)
-            changed[number] = readings.block(there, _without(zone, block), block.loss)
+            changed[number] = replace(
+                readings.block(there, _without(zone, block), block.loss),
+                drift_m2=block.drift_m2,
+            )
             counts = replace(counts, refolded=counts.refolded + 1)
         blocks = [block_of(number) for number in range(past.n_drives + 1)]
         counts = replace(counts, resummed=counts.resummed + 1)
@@ -315,7 +496,7 @@ def _worked_on_again(
             zone,
             sums=_summed(blocks, zone),
             start=zone.estimates.sizes,
-            points_m=tuple(map(_points, blocks)),
+            points_m=tuple(_points_since(zone, n, block) for n, block in enumerate(blocks)),
             counts=counts,
         )
     return zone, changed
@@ -353,11 +534,17 @@ def _points(block: DriveBlock) -> dict[str, Float64[Array, "2"]]:
     }
 
 
+def _points_since(zone: Folded, number: int, block: DriveBlock) -> dict[str, Float64[Array, "2"]]:
+    found = _points(block)
+    return {name: each for name, each in found.items() if number >= zone.since.get(name, 0)}
+
+
 def _summed(blocks: Sequence[DriveBlock], zone: Folded) -> ZoneSums:
     """Add up blocks with the weights that the sides have by now."""
     ids = zone.sums.anchor_ids
     weight = dict(zip(ids, zone.estimates.weight, strict=True))
-    return ZoneSums.of(blocks, weight, dict(zip(ids, zone.sums.reference_m, strict=True)))
+    reference_m = dict(zip(ids, zone.sums.reference_m, strict=True))
+    return ZoneSums.of(blocks, weight, reference_m, zone.since)
 
 
 def _least(episodes: Sequence[Episode]) -> float:
@@ -518,17 +705,24 @@ def _errors(zone: Folded, block: DriveBlock) -> tuple[DriveErrors, ...]:
     return tuple(errors)
 
 
-def _own_places(zone: Folded, readings: DriveReadings, errors: Sequence[DriveErrors]) -> OwnPlaces:
-    """Return where a drive alone puts its cones."""
+def _own_places(
+    zone: Folded,
+    readings: DriveReadings,
+    errors: Sequence[DriveErrors],
+    weight: Float64[Array, "n 2"],
+) -> OwnPlaces:
+    """Return where a drive alone puts its cones, given the probabilities of their sides."""
     sums, estimates = zone.sums, zone.estimates
     index = {name: n for n, name in enumerate(sums.anchor_ids)}
-    cone = np.array([index[name] for name in readings.anchor_ids], dtype=np.int64)
-    order = np.argsort(estimates.loss[cone], axis=1, kind="stable")
+    cone = np.array([index.get(name, -1) for name in readings.anchor_ids], dtype=np.int64)
+    order = np.argsort(-weight, axis=1, kind="stable")
     near_m = estimates.own[cone[:, None], order, :2]
-    near_m[sums.n_ranges[cone] == 0] = np.nan
+    known = (cone >= 0) & (sums.n_ranges[cone] > 0)
+    near_m[~known] = np.nan
     place_m, covariance_m2 = readings.own_places(errors, near_m[:, 0])
     place_m, covariance_m2 = np.stack([place_m] * 2, 1), np.stack([covariance_m2] * 2, 1)
-    if not sums.unlikely[cone].any(axis=1).all():  # a side that is open may be the right one yet
+    # A side that is open may be the right one yet.
+    if (np.ptp(estimates.loss[cone], axis=1) < _SETTLED)[known].any():
         place_m[:, 1], covariance_m2[:, 1] = readings.own_places(errors, near_m[:, 1])
     back = np.argsort(order, axis=1)
     rows = np.arange(len(cone))[:, None]

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from gaia_uwb._shared import Array, Float64, Int64
-from gaia_uwb.config import PipelineConfig
+from gaia_uwb._shared import Array, Float64, Int64, some_of
+from gaia_uwb.config import ChangesConfig, PipelineConfig
 from gaia_uwb.episode import DriveErrors, Episode
+from gaia_uwb.kept.changes import ConeState
 from gaia_uwb.kept.folds import Folded
 from gaia_uwb.locate import (
     ALIKE,
+    Disagreement,
     Fused,
     Hypotheses,
     ZonePlaces,
@@ -28,6 +30,7 @@ def folded_result(
     zone: Folded,
     shown: Sequence[tuple[Episode, DriveErrors]],
     config: PipelineConfig,
+    changes: ChangesConfig,
 ) -> Reconstruction:
     """Return the result of a zone whose drives are added up.
 
@@ -37,15 +40,66 @@ def folded_result(
         With all of its drives.
     shown
         The passes that are shown with it, and what was found of their errors.
-    config
+    config, changes
         All settings.
     """
     ordered = sorted(shown, key=lambda each: each[0].name)
     fused = fused_of(zone, [errors for _, errors in ordered], config)
-    result = conclude([episode for episode, _ in ordered], fused, config)
+    states = {name: each.state(zone.ended_s, changes) for name, each in zone.watched.items()}
+    left = {ConeState.GONE, *([ConeState.SILENT] if changes.silent_cones == "drop" else [])}
+    away = {name for name, state in states.items() if state in left}
+    fused = _suspected(_without(fused, away), zone, states)
+    episodes = [episode for episode, _ in ordered]
+    notes = tuple(_notes(states, away))
+    episodes[0] = replace(episodes[0], notes=(*episodes[0].notes, *notes))
+    result = conclude(episodes, fused, config)
     count = dict(zip(zone.sums.anchor_ids, zone.sums.n_readings.tolist(), strict=True))
     anchors = tuple(replace(fix, n_ranges=count[fix.anchor_id]) for fix in result.anchors)
     return replace(result, anchors=anchors)
+
+
+def _without(fused: Fused, cones: Collection[str]) -> Fused:
+    """Return what is known of other cones."""
+    ids = fused.places.anchor_ids
+    kept = np.array([name not in cones for name in ids])
+    if kept.all():
+        return fused
+
+    def of(found: Hypotheses) -> Hypotheses:
+        parts = {name: None if each is None else each[kept] for name, each in vars(found).items()}
+        return Hypotheses(**parts)  # type: ignore[arg-type]  # each has the type of its own field
+
+    places = replace(
+        fused.places,
+        anchor_ids=tuple(name for name in ids if name not in cones),
+        hypotheses=of(fused.places.hypotheses),
+        outliers=fused.places.outliers[kept],
+        noise=fused.places.noise[kept],
+        own=None,
+    )
+    return replace(fused, places=places, hypotheses=of(fused.hypotheses))
+
+
+def _suspected(fused: Fused, zone: Folded, states: Mapping[str, ConeState]) -> Fused:
+    """Return the same with the cones that the newest drive to hear them puts elsewhere."""
+    apart = []
+    for name, state in states.items():
+        suspicion = zone.watched[name].suspicion
+        if state is ConeState.MAYBE_MOVED and suspicion is not None:
+            apart.append(Disagreement(name, suspicion.name, suspicion.distance_m))
+    return replace(fused, disagreements=tuple(apart))
+
+
+def _notes(states: Mapping[str, ConeState], away: Collection[str]) -> Iterator[str]:
+    """Say which cones were not heard any more."""
+    for state in (ConeState.SILENT, ConeState.GONE):
+        names = [name for name, each in states.items() if each is state]
+        if names:
+            still = "not in the boundary" if set(names) <= set(away) else "still in the boundary"
+            yield (
+                f"{some_of(names)}: {state.value}: drives that passed did not hear what they "
+                f"should have ({still}; an empty battery looks the same as a cone that is gone)"
+            )
 
 
 def fused_of(zone: Folded, errors: Sequence[DriveErrors], config: PipelineConfig) -> Fused:

@@ -7,7 +7,7 @@ mean tells how much larger errors are than each drive thinks (``gaia_uwb.locate.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,6 +100,19 @@ class ScatterSums:
             added(self.square, (off_m * pull).sum(axis=-1)),
             added(self.count, np.ones(len(cone), dtype=np.int64)),
         )
+
+    def without(self, cones: Collection[str]) -> ScatterSums:
+        """Return the sums of other cones.
+
+        Parameters
+        ----------
+        cones
+            Which to forget.
+        """
+        kept = np.array([name not in cones for name in self.anchor_ids], dtype=np.bool_)
+        names = tuple(name for name in self.anchor_ids if name not in cones)
+        arrays = (self.reference_m, self.precision, self.pull, self.square, self.count)
+        return ScatterSums(names, *(each[kept] for each in arrays))
 
     def of(self, anchor_ids: Sequence[str], side: Int64[Array, "n"]) -> list[Scatter | None]:
         """Return the scatter of each cone; None where fewer than two drives located it.

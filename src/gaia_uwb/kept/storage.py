@@ -27,6 +27,7 @@ from gaia_uwb.episode import (
     ReadingCounts,
 )
 from gaia_uwb.estimate import Reason, ReasonKind
+from gaia_uwb.kept.changes import Stay, Suspicion, Watched
 from gaia_uwb.kept.estimates import CommonPrior
 from gaia_uwb.kept.folds import Counts, Folded
 from gaia_uwb.kept.scatter import OwnPlaces, ScatterSums
@@ -60,8 +61,11 @@ _CLASSES: dict[str, Any] = {
         Reason,
         ScatterSums,
         SizeSums,
+        Stay,
+        Suspicion,
         Tag,
         Trajectory,
+        Watched,
         ZoneSums,
     )
 }

@@ -21,7 +21,7 @@ Weights change what is taken out. Where they change much, sums are formed anew.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -111,8 +111,9 @@ class ZoneSums:
     def of(
         cls,
         blocks: Sequence[DriveBlock],
-        weight: dict[str, Float64[Array, "2"]],
-        reference_m: dict[str, Float64[Array, "2 2"]],
+        weight: Mapping[str, Float64[Array, "2"]],
+        reference_m: Mapping[str, Float64[Array, "2 2"]],
+        since: Mapping[str, int] | None = None,
     ) -> ZoneSums:
         """Add up blocks from the first to the last, with these weights of the sides.
 
@@ -122,17 +123,20 @@ class ZoneSums:
             Of all drives, in the order of the zone.
         weight, reference_m
             By cone, as in the class; cones that have none get those of the first block they are in.
+        since
+            By cone, the number of the first block that says something of where it stands now.
         """
         sums = cls.nothing()
-        for block in blocks:
-            sums = sums.plus(block, weight, reference_m)
+        for number, block in enumerate(blocks):
+            elsewhere = {name for name, first in (since or {}).items() if number < first}
+            sums = sums.plus(block.without(elsewhere), weight, reference_m)
         return sums
 
     def plus(
         self,
         block: DriveBlock,
-        weight: dict[str, Float64[Array, "2"]] | None = None,
-        reference_m: dict[str, Float64[Array, "2 2"]] | None = None,
+        weight: Mapping[str, Float64[Array, "2"]] | None = None,
+        reference_m: Mapping[str, Float64[Array, "2 2"]] | None = None,
     ) -> ZoneSums:
         """Return the sums with one more drive.
 
@@ -143,8 +147,9 @@ class ZoneSums:
         weight, reference_m
             Of cones that are new; by default those of the block.
         """
-        sums = self._extended(block, weight or {}, reference_m or {})
+        sums = self.aged(block.drift_m2)._extended(block)
         cone = sums.rows(block.anchor_ids)
+        sums = sums._placed(block, cone, weight or {}, reference_m or {})
         weights = np.maximum(sums.weight[cone], _LEAST_WEIGHT)
         at = _at(block, sums.reference_m[cone])
         index = sums._unknowns(cone, block.vehicles)
@@ -184,6 +189,40 @@ class ZoneSums:
         """Sides on which a cone hardly stands: their places stay where they are."""
         return np.asarray(self.weight < _UNLIKELY)
 
+    def aged(self, drift_m2: float) -> ZoneSums:
+        """Return what the drives say after the cones have crept at random.
+
+        With L the information and Q the covariance of the creep, it is ``(L^-1 + Q)^-1``, and the
+        estimates stay.
+
+        Parameters
+        ----------
+        drift_m2
+            Variance of the creep along each axis.
+        """
+        if not drift_m2 or not len(self.anchor_ids):
+            return self
+        n = len(self.anchor_ids)
+        first = RADIOS + DRIVE * len(self.vehicles)
+        places = first + (OWN * np.arange(2 * n)[:, None] + np.arange(2)).ravel()
+        weights = np.repeat(np.maximum(self.weight, _LEAST_WEIGHT).ravel(), 2)
+        information, kept = _softened(self.information, places, weights / drift_m2)
+        honest, _ = _softened(self.honest, places, weights / drift_m2)
+        own = np.zeros((n, 2, OWN, OWN))
+        own_pull = np.zeros((n, 2, OWN))
+        each = np.full(2, 1.0 / drift_m2)
+        for k, side in np.ndindex(n, 2):
+            own[k, side], own_kept = _softened(self.own_matrix[k, side], np.arange(2), each)
+            own_pull[k, side] = own_kept @ self.own_pull[k, side]
+        return replace(
+            self,
+            information=information,
+            honest=honest,
+            pull=kept @ self.pull,
+            own_matrix=own,
+            own_pull=own_pull,
+        )
+
     def rows(self, anchor_ids: Sequence[str]) -> Int64[Array, "n"]:
         """Return the numbers of these cones.
 
@@ -212,24 +251,28 @@ class ZoneSums:
         cones = (first + 2 * OWN * cone[:, None] + np.arange(2 * OWN)).ravel()
         return np.concatenate([np.arange(RADIOS), self.tags(vehicles), cones])
 
-    def _extended(
+    def _placed(
         self,
         block: DriveBlock,
-        weight: dict[str, Float64[Array, "2"]],
-        reference_m: dict[str, Float64[Array, "2 2"]],
+        cone: Int64[Array, "n"],
+        weight: Mapping[str, Float64[Array, "2"]],
+        reference_m: Mapping[str, Float64[Array, "2 2"]],
     ) -> ZoneSums:
+        """Return the same sums with weights and references of cones that are new in a block."""
+        weights, references_m = self.weight.copy(), self.reference_m.copy()
+        located = np.isfinite(block.point.own).all(axis=(1, 2))
+        for n in np.flatnonzero(located & (self.n_ranges[cone] == 0)):
+            name = block.anchor_ids[n]
+            weights[cone[n]] = weight.get(name, block.point.weight[n])
+            references_m[cone[n]] = reference_m.get(name, block.point.own[n, :, :2])
+        return replace(self, weight=weights, reference_m=references_m)
+
+    def _extended(self, block: DriveBlock) -> ZoneSums:
         """Return the same sums with room for all cones and tags of a block."""
         vehicles = tuple(dict.fromkeys((*self.vehicles, *block.vehicles)))
-        own = {name: n for n, name in enumerate(block.anchor_ids)}
         new = [name for name in block.anchor_ids if name not in set(self.anchor_ids)]
         if not new and vehicles == self.vehicles:
             return self
-        more = {
-            "weight": np.array([weight.get(x, block.point.weight[own[x]]) for x in new]),
-            "reference_m": np.array(
-                [reference_m.get(x, block.point.own[own[x], :, :2]) for x in new]
-            ),
-        }
         first, now = (RADIOS + DRIVE * len(each) for each in (self.vehicles, vehicles))
         old = np.arange(len(self.pull))
         kept = np.where(old < first, old, old - first + now)
@@ -241,8 +284,9 @@ class ZoneSums:
         longer: dict[str, Any] = {}
         for name in _BY_CONE:
             before = getattr(self, name)
-            after = more.get(name, np.zeros((len(new), *before.shape[1:]), before.dtype))
-            longer[name] = np.concatenate([before, after.reshape(-1, *before.shape[1:])])
+            fill = 0.5 if name == "weight" else 0
+            after = np.full((len(new), *before.shape[1:]), fill, before.dtype)
+            longer[name] = np.concatenate([before, after])
         return replace(
             self,
             anchor_ids=(*self.anchor_ids, *new),
@@ -262,6 +306,20 @@ _BY_CONE = tuple(
 )
 
 
+def _softened(
+    information: Float64[Array, "V V"],
+    unknowns: Int64[Array, "q"],
+    precision: Float64[Array, "q"],
+) -> tuple[Float64[Array, "V V"], Float64[Array, "V V"]]:
+    """Return information after a random change of some unknowns, and what is left of its pull."""
+    inner = information[np.ix_(unknowns, unknowns)] + np.diag(precision)
+    through = np.linalg.solve(inner, information[unknowns])
+    left = information - information[:, unknowns] @ through
+    kept = np.eye(len(information))
+    kept[:, unknowns] -= through.T
+    return 0.5 * (left + left.T), kept
+
+
 def _plus(values: Array, cone: Int64[Array, "n"], more: Array) -> Array:
     """Return values of all cones, with those of some cones added."""
     out = values.copy()
@@ -273,7 +331,7 @@ def _at(block: DriveBlock, reference_m: Float64[Array, "n 2 2"]) -> Float64[Arra
     """Return where a block was taken, counted from the reference."""
     at = block.point.own.copy()
     at[..., :2] -= reference_m
-    return at
+    return np.nan_to_num(at)
 
 
 @dataclass(frozen=True)

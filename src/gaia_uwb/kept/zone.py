@@ -26,9 +26,10 @@ from pathlib import Path
 from typing import Any
 
 from gaia_uwb._shared import ConfigError, InputError
-from gaia_uwb.config import PipelineConfig, make_config
+from gaia_uwb.config import ChangesConfig, PipelineConfig, make_config
 from gaia_uwb.denoisers import make_denoiser
 from gaia_uwb.episode import DriveErrors, Episode
+from gaia_uwb.kept.changes import ConeState, Stay
 from gaia_uwb.kept.folder import ZoneFolder
 from gaia_uwb.kept.folds import FULL, Counts, Folded, Past, begin, fold
 from gaia_uwb.kept.results import folded_result
@@ -57,6 +58,8 @@ class KeptDrive:
     readings, block
         Names of the files that hold its prepared readings and what they say; the latter is empty
         as long as the zone is fitted as a whole.
+    left_out
+        Whether it contradicts the zone, so that it does not count.
     """
 
     name: str
@@ -65,6 +68,23 @@ class KeptDrive:
     digest: str
     readings: str
     block: str = ""
+    left_out: bool = False
+
+
+@dataclass(frozen=True)
+class KeptCone:
+    """A cone of a kept zone, and what has become of it.
+
+    Parameters
+    ----------
+    state
+        What is known of it now.
+    stays
+        Where it stood, from first to last; there it stands now, or did when it was last heard.
+    """
+
+    state: ConeState
+    stays: tuple[Stay, ...]
 
 
 class Zone:
@@ -81,6 +101,7 @@ class Zone:
         content = self._folder.read()
         self._frame: LocalFrame | None = content["frame"]
         self._config = make_config(content["config"], source=str(folder))
+        self._changes = ChangesConfig(**content["changes"])
         self._drives, self._folded = _drives_of(content)
 
     @classmethod
@@ -90,6 +111,7 @@ class Zone:
         *,
         frame: LocalFrame | None = None,
         config: PipelineConfig = PipelineConfig(),
+        changes: ChangesConfig = ChangesConfig(),
     ) -> Zone:
         """Make a zone without drives.
 
@@ -101,6 +123,8 @@ class Zone:
             The local frame of all results; None for drives that are not tied to WGS84.
         config
             All settings; they stay.
+        changes
+            What counts as a change of its cones.
 
         Raises
         ------
@@ -112,7 +136,8 @@ class Zone:
         if not (denoiser.keeps_ranges or denoiser.uses_pose) or config.solver.kind != "robust":
             problem = "a kept zone is located from the measured ranges by the robust solver"
             raise ConfigError(f"{config.denoiser}: {problem}")
-        kept = {"frame": frame, "config": config.model_dump(mode="json")}
+        settings = {"config": config.model_dump(mode="json"), "changes": changes.model_dump()}
+        kept = {"frame": frame, **settings}
         ZoneFolder(Path(folder)).create({**kept, "drives": [], "folded": None})
         return cls(folder)
 
@@ -151,6 +176,22 @@ class Zone:
     def drives(self) -> tuple[KeptDrive, ...]:
         """The drives that went in, in the order in which they ended."""
         return self._drives
+
+    def cones(self) -> dict[str, KeptCone]:
+        """Return what is known of each cone's changes, by its id.
+
+        Up to four drives are compared as passes are: of them nothing is known here.
+        """
+        if self._folded is None:
+            return {}
+        place_m = self._folded.places_m
+        return {
+            name: KeptCone(
+                watched.state(self._folded.ended_s, self._changes),
+                (*watched.before, Stay(place_m[name], watched.from_s, watched.heard_s)),
+            )
+            for name, watched in self._folded.watched.items()
+        }
 
     @property
     def counts(self) -> Counts:
@@ -222,10 +263,10 @@ class Zone:
                 episodes = [as_only_pass(episodes[0], self._config)]
             return reconstruct_passes(episodes, self._config)
         shown = []
-        for drive in self._drives[-SHOWN:]:
+        for drive in [each for each in self._drives if not each.left_out][-SHOWN:]:
             errors = self._said(drive)["errors"]
             shown += list(zip(self._episodes(drive), errors, strict=True))
-        return folded_result(self._folded, shown, self._config)
+        return folded_result(self._folded, shown, self._config, self._changes)
 
     def _check(self, scene: Scene, drives: Sequence[KeptDrive]) -> None:
         """Refuse a log that cannot be of this zone, or is in already."""
@@ -260,14 +301,18 @@ class Zone:
         folded = self._folded
         if drives[: len(before)] != before:  # something came late or was taken out: begin again
             before, folded = [], None
-            drives = [replace(drive, block="") for drive in drives]
+            drives = [replace(drive, block="", left_out=False) for drive in drives]
         if folded is None and len(drives) > FULL:
             folded = self._begun(drives)
             before = drives[:FULL]
         if folded is not None:
             for number in range(len(before), len(drives)):
                 folded = self._folded_in(folded, drives, number)
-        kept = {"frame": self._frame, "config": self._config.model_dump(mode="json")}
+        settings = {
+            "config": self._config.model_dump(mode="json"),
+            "changes": self._changes.model_dump(),
+        }
+        kept = {"frame": self._frame, **settings}
         content = {**kept, "drives": [vars(drive) for drive in drives], "folded": folded}
         named = [name for drive in drives for name in (drive.readings, drive.block) if name]
         self._folder.replace(content, named)
@@ -276,30 +321,36 @@ class Zone:
     def _begun(self, drives: list[KeptDrive]) -> Folded:
         """Add up the first drives."""
         first = [self._episodes(drive) for drive in drives[:FULL]]
-        folded, *said = begin(first, self._config)
+        ended_s = [drive.ended_s for drive in drives[:FULL]]
+        folded, *said = begin(first, self._config, ended_s)
         for number, (block, own, errors) in enumerate(zip(*said, strict=True)):
             self._say(drives, number, block, own, errors)
         return folded
 
     def _folded_in(self, folded: Folded, drives: list[KeptDrive], number: int) -> Folded:
         """Fold one drive in, and keep what it says."""
+        count = [k for k in range(number) if not drives[k].left_out]
         past = Past(
-            number,
-            lambda k: self._episodes(drives[k]),
-            lambda k: self._said(drives[k])["block"],
+            len(count),
+            lambda k: self._episodes(drives[count[k]]),
+            lambda k: self._said(drives[count[k]])["block"],
         )
         vehicles = self._vehicles(folded, drives)
-        done = fold(folded, self._episodes(drives[number]), vehicles, past, self._config)
+        episodes, ended_s = self._episodes(drives[number]), drives[number].ended_s
+        done = fold(folded, episodes, vehicles, past, self._config, ended_s, self._changes)
+        if done is None:
+            drives[number] = replace(drives[number], left_out=True)
+            return folded
         self._say(drives, number, done.block, done.own, done.errors)
         for k, block in done.refolded.items():
-            said = self._said(drives[k])
-            self._say(drives, k, block, said["own"], said["errors"])
+            said = self._said(drives[count[k]])
+            self._say(drives, count[k], block, said["own"], said["errors"])
         return done.zone
 
     def _vehicles(self, folded: Folded, drives: Sequence[KeptDrive]) -> list[Episode]:
         """Return one episode for each tag of each vehicle that was there before."""
         found: dict[str, Episode] = {}
-        for drive in drives:
+        for drive in [each for each in drives if not each.left_out]:
             for episode in self._episodes(drive):
                 found.setdefault(vehicle_of(episode), episode)
             if set(folded.sums.vehicles) <= set(found):

@@ -24,8 +24,9 @@ own loss of both places, with earlier drives as its prior, less what these said.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +46,7 @@ from gaia_uwb.locate.zone_places import STILL, Paths, Starts, find_places, heard
 
 _MOST_EXTRA = 12  # steps beyond the usual ones, for drives that still move
 _RULED_OUT = 12.0  # log odds against a place
+_FAR_M = 0.4  # from where all drives put a cone: one that may have moved
 _ANYWHERE_M = 1e3  # prior standard deviation of a place
 
 
@@ -132,6 +134,8 @@ class DriveBlock:
         Middle of the stretch of path from which the cone was ranged, and what it counts.
     sizes
         What the residuals say of the sizes of errors.
+    drift_m2
+        Variance of the cones' random walk, along each axis, since the drive before.
     """
 
     anchor_ids: tuple[str, ...]
@@ -153,6 +157,32 @@ class DriveBlock:
     centre_m: Float64[Array, "n 2"]
     n_steps: Float64[Array, "n"]
     sizes: KeptSizes
+    drift_m2: float = 0.0
+
+    def without(self, cones: Collection[str]) -> DriveBlock:
+        """Return what the drive says of other cones.
+
+        Parameters
+        ----------
+        cones
+            Whose readings do not count.
+        """
+        there = np.array([name not in cones for name in self.anchor_ids])
+        if there.all():
+            return self
+        changed: dict[str, Any] = {}
+        for name in _BY_CONE:
+            values = getattr(self, name)
+            row = there.reshape(-1, *[1] * (values.ndim - 1))
+            changed[name] = np.where(row, values, np.zeros_like(values))
+        own = np.where(there[:, None, None], self.point.own, np.nan)
+        return replace(self, point=replace(self.point, own=own), **changed)
+
+
+_BY_CONE = (
+    "matrix", "gradient", "cross", "square", "pull", "loss", "n_ranges", "n_readings", "count",
+    "outliers", "squares", "n_steps",
+)  # fmt: skip
 
 
 class DriveReadings:
@@ -319,7 +349,16 @@ class DriveReadings:
             far = (off_m * np.linalg.solve(found.covariance_m2[k], off_m[..., None])[..., 0]).sum(1)
             side[k] = far.argmin()
         rows = np.arange(len(side))
-        return found.position_m[rows, side], found.covariance_m2[rows, side]
+        place_m, spread_m2 = found.position_m[rows, side], found.covariance_m2[rows, side]
+        far_m = np.where(known, np.hypot(*(place_m - near_m).T), 0.0)
+        if (far_m > _FAR_M).any():  # sought near the old place, a cone that moved may not be found
+            free = find_places([given], self._config)[0].hypotheses
+            off_m = np.hypot(*np.moveaxis(free.position_m - near_m[:, None], -1, 0))
+            side = np.where(free.log_odds > _RULED_OUT, 0, np.nan_to_num(off_m).argmin(axis=1))
+            far = (far_m > _FAR_M)[:, None]
+            place_m = np.where(far, free.position_m[rows, side], place_m)
+            spread_m2 = np.where(far[..., None], free.covariance_m2[rows, side], spread_m2)
+        return place_m, spread_m2
 
     def _n_steps(self) -> Float64[Array, "n"]:
         return self._by_cone([1.0 * each.valid.sum(axis=0)[:, None] for each in self.episodes])[
