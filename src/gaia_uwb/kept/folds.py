@@ -300,7 +300,8 @@ def fold(
     least_m = max(zone.least_noise_m, _least(episodes))
     new = [each for each in episodes if vehicle_of(each) not in zone.sums.vehicles]
     if new:
-        zone = replace(zone, common=_common([*vehicles, *new], config))
+        sums = zone.sums.extended((), [vehicle_of(each) for each in new])
+        zone = replace(zone, sums=sums, common=_common([*vehicles, *new], config))
     readings = _readings(episodes, vehicles[0], config)
     known = known_before(replace(zone, sums=zone.sums.aged(drift_m2)), readings)
     point, loss = readings.fit(known)
@@ -631,28 +632,13 @@ def _shared(
 ) -> tuple[Float64[Array, "S"], Float64[Array, "S S"]]:
     """Return what is known of the radios and of a drive's tags before the drive."""
     sums, estimates, prior = zone.sums, zone.estimates, readings.prior
-    vehicles = tuple(dict.fromkeys((*sums.vehicles, *readings.vehicles)))
-    size = RADIOS + DRIVE * len(vehicles)
-    have = RADIOS + DRIVE * len(sums.vehicles)
-    mean, covariance = np.zeros(size), np.linalg.inv(zone.common.precision)
-    if size == have:
-        covariance = estimates.covariance[:have, :have]
-    else:  # a new vehicle is known as well as the others tell
-        covariance = _told_of_others(zone, covariance, have)
-    mean[:have] = estimates.shared
-    index = _of_tags(vehicles, readings)
+    size = RADIOS + DRIVE * len(sums.vehicles)
+    mean, covariance = estimates.shared, estimates.covariance[:size, :size]
+    index = _of_tags(sums.vehicles, readings)
     mean, covariance = mean[index], covariance[np.ix_(index, index)].copy()
     mean[RADIOS:] += prior.mean
     covariance[RADIOS:, RADIOS:] += prior.own
     return mean, covariance
-
-
-def _told_of_others(zone: Folded, prior: Float64[Array, "V V"], have: int) -> Float64[Array, "V V"]:
-    """Return the covariance of what stays, where only the first unknowns have been observed."""
-    told = np.zeros_like(prior)
-    some = zone.estimates.covariance[:have, :have]
-    told[:have, :have] = np.linalg.inv(some) - np.linalg.inv(prior[:have, :have])
-    return np.asarray(np.linalg.inv(np.linalg.inv(prior) + told))
 
 
 def _without(zone: Folded, block: DriveBlock) -> Float64[Array, "n 2 5 5"]:

@@ -147,7 +147,7 @@ class ZoneSums:
         weight, reference_m
             Of cones that are new; by default those of the block.
         """
-        sums = self.aged(block.drift_m2)._extended(block)
+        sums = self.aged(block.drift_m2).extended(block.anchor_ids, block.vehicles)
         cone = sums.rows(block.anchor_ids)
         sums = sums._placed(block, cone, weight or {}, reference_m or {})
         weights = np.maximum(sums.weight[cone], _LEAST_WEIGHT)
@@ -267,10 +267,16 @@ class ZoneSums:
             references_m[cone[n]] = reference_m.get(name, block.point.own[n, :, :2])
         return replace(self, weight=weights, reference_m=references_m)
 
-    def _extended(self, block: DriveBlock) -> ZoneSums:
-        """Return the same sums with room for all cones and tags of a block."""
-        vehicles = tuple(dict.fromkeys((*self.vehicles, *block.vehicles)))
-        new = [name for name in block.anchor_ids if name not in set(self.anchor_ids)]
+    def extended(self, anchor_ids: Sequence[str], vehicles: Sequence[str]) -> ZoneSums:
+        """Return the same sums with room for more cones and tags.
+
+        Parameters
+        ----------
+        anchor_ids, vehicles
+            Of the cones and the tags; those that are there already do not matter.
+        """
+        vehicles = tuple(dict.fromkeys((*self.vehicles, *vehicles)))
+        new = [name for name in anchor_ids if name not in set(self.anchor_ids)]
         if not new and vehicles == self.vehicles:
             return self
         first, now = (RADIOS + DRIVE * len(each) for each in (self.vehicles, vehicles))

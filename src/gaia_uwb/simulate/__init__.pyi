@@ -1,5 +1,12 @@
 from .batches import simulate as simulate, simulate_episodes as simulate_episodes
 from .blocks import EpisodeBlock as EpisodeBlock, simulate_blocks as simulate_blocks
+from .days import (
+    LATE_VEHICLE as LATE_VEHICLE,
+    LYING_VEHICLE as LYING_VEHICLE,
+    Change as Change,
+    Day as Day,
+    simulate_day as simulate_day,
+)
 from .layouts import road_to_local as road_to_local
 from .passes import (
     Setting as Setting,
