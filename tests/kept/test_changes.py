@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from gaia_uwb.config import ChangesConfig, PipelineConfig, SolverConfig
+from gaia_uwb.kept.beginning import begin
 from gaia_uwb.kept.changes import ConeState, far_apart, is_lying, silence
-from gaia_uwb.kept.folds import FULL, Past, begin, fold
+from gaia_uwb.kept.folds import fold
 from gaia_uwb.kept.results import folded_result
+from gaia_uwb.kept.state import FULL, Past
 from known_errors import CONES_M, WORKING, make_drive, straight
 
 PURE = PipelineConfig(denoiser="raw", solver=SolverConfig(position_floor_m=0.0))

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from gaia_uwb.config import PipelineConfig, SolverConfig
-from gaia_uwb.kept.folds import FULL, Past, begin, fold
+from gaia_uwb.kept.beginning import begin
+from gaia_uwb.kept.folds import fold
 from gaia_uwb.kept.results import fused_of
+from gaia_uwb.kept.state import FULL, Past
 from gaia_uwb.kept.sums import ZoneSums
 from gaia_uwb.locate import find_places, fuse, zone_places
 from known_errors import CONES_M, WORKING, make_drive, straight

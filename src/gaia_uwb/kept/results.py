@@ -11,7 +11,7 @@ from gaia_uwb._shared import Array, Float64, Int64, some_of
 from gaia_uwb.config import ChangesConfig, PipelineConfig
 from gaia_uwb.episode import DriveErrors, Episode
 from gaia_uwb.kept.changes import ConeState
-from gaia_uwb.kept.folds import Folded
+from gaia_uwb.kept.state import Folded
 from gaia_uwb.locate import (
     ALIKE,
     Disagreement,

@@ -29,8 +29,8 @@ from gaia_uwb.episode import (
 from gaia_uwb.estimate import Reason, ReasonKind
 from gaia_uwb.kept.changes import Stay, Suspicion, Watched
 from gaia_uwb.kept.estimates import CommonPrior
-from gaia_uwb.kept.folds import Counts, Folded
 from gaia_uwb.kept.scatter import OwnPlaces, ScatterSums
+from gaia_uwb.kept.state import Counts, Folded
 from gaia_uwb.kept.sums import ZoneSums
 from gaia_uwb.locate import DriveBlock, DrivePrior, KeptSizes, Point, SizeSums
 from gaia_uwb.scene import ConeRanges, LocalFrame, Tag, Trajectory

@@ -29,11 +29,13 @@ from gaia_uwb._shared import ConfigError, InputError
 from gaia_uwb.config import ChangesConfig, PipelineConfig, make_config
 from gaia_uwb.denoisers import make_denoiser
 from gaia_uwb.episode import DriveErrors, Episode
+from gaia_uwb.kept.beginning import begin
 from gaia_uwb.kept.changes import ConeState, Stay
 from gaia_uwb.kept.folder import ZoneFolder
-from gaia_uwb.kept.folds import FULL, Counts, Folded, Past, begin, fold
+from gaia_uwb.kept.folds import fold
 from gaia_uwb.kept.results import folded_result
 from gaia_uwb.kept.scatter import OwnPlaces
+from gaia_uwb.kept.state import FULL, Counts, Folded, Past
 from gaia_uwb.locate import DriveBlock, in_frame, vehicle_of
 from gaia_uwb.pipeline import as_only_pass, prepare_pass, reconstruct_passes
 from gaia_uwb.reconstruction import Reconstruction
