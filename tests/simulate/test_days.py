@@ -81,6 +81,13 @@ def test_before_the_first_change_drives_are_those_of_the_zone(day):
         np.testing.assert_allclose(readings(plain[0], name)[0], readings(day.scenes[0], name)[0])
 
 
+def test_a_cone_may_be_moved_onto_the_path():
+    for seed in (500, 501):
+        moved_m = 4.0
+        found = simulate_day(PRESETS["lane-closure"], seed=seed, n_drives=20, moved_m=moved_m)
+        assert all((scene.ranges.range_m > 0.0).all() for scene in found.scenes)
+
+
 def test_a_day_needs_drives(day):
     with pytest.raises(ConfigError, match="at least 20 drives"):
         simulate_day(PRESETS["lane-closure"], seed=2, n_drives=10)

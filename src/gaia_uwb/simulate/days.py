@@ -152,15 +152,14 @@ def _drawn(
 
 def _changed(scene: Scene, drive: int, changes: tuple[Change, ...]) -> Scene:
     """Return a drive as it was with all changes before it."""
-    heard = np.ones(len(scene.ranges), dtype=np.bool_)
     for change in changes:
         own = scene.ranges.anchor == scene.anchor_ids.index(change.anchor_id)
         is_there = drive < change.drive if change.kind == "removed" else drive >= change.drive
         if change.kind == "moved":
             scene = _moved(scene, own, change) if is_there else scene
         elif not is_there:
-            heard &= ~own
-    return _rows(scene, heard)
+            scene = _rows(scene, ~own)
+    return scene
 
 
 def _moved(scene: Scene, own: Bool[Array, "R"], change: Change) -> Scene:
