@@ -33,6 +33,7 @@ from gaia_uwb.kept.beginning import begin
 from gaia_uwb.kept.changes import ConeState, Stay
 from gaia_uwb.kept.folder import ZoneFolder
 from gaia_uwb.kept.folds import fold
+from gaia_uwb.kept.open_drive import OpenDrive
 from gaia_uwb.kept.results import folded_result
 from gaia_uwb.kept.scatter import OwnPlaces
 from gaia_uwb.kept.state import FULL, Counts, Folded, Past
@@ -223,6 +224,16 @@ class Zone:
                 self._check(scene, [*self._drives, *new])
                 new.append(self._prepared(scene, ended_s))
             self._become(sorted([*self._drives, *new], key=_order))
+
+    def start(self, name: str, *, vehicle: str = "") -> OpenDrive:
+        """Begin a drive whose readings come in batches.
+
+        Parameters
+        ----------
+        name, vehicle
+            Of the drive, and of who drives.
+        """
+        return OpenDrive(self, name, vehicle)
 
     def withdraw(self, name: str) -> None:
         """Take a drive out, as if it had never been added.
