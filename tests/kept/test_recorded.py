@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ def cut(scene, n):
     path, log = scene.trajectory, scene.ranges
     edges = np.linspace(log.t_s[0], log.t_s[-1] + 1e-6, n + 1)
     passes = []
-    for k, (start_s, stop_s) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for k, (start_s, stop_s) in enumerate(pairwise(edges)):
         read_then = (log.t_s >= start_s) & (log.t_s < stop_s)
         there = (path.t_s >= start_s - 2.0) & (path.t_s <= stop_s + 2.0)
         passes.append(
