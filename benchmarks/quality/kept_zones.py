@@ -314,8 +314,9 @@ def _day_words(rows: Sequence[Row]) -> Iterator[str]:
     covered = np.mean(np.concatenate([row["covered_kept"] for row in rows]))
     error_m = np.mean(np.concatenate([row["error_kept_m"] for row in rows]))
     yield (
-        f"False alarms in {passes} cone-passes: {suspected} suspicions of cones that were not moved, "
-        f"and {wrong} such cones that were called silent or given another stay. Of {lying} drives with wrong positions, {out} were left out, and "
+        f"False alarms in {passes} cone-passes: {suspected} suspicions of cones that were not "
+        f"moved, and {wrong} such cones that were called silent or given another stay. Of {lying} "
+        f"drives with wrong positions, {out} were left out, and "
         f"{others} others. At the end of the day, cones stand {error_m:.3f} m from the truth in "
         f"the mean, and {covered:.1%} of the 90 % ellipses hold it."
     )
