@@ -4,17 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from gaia_uwb._shared import Array, Float64, InputError
+from gaia_uwb.config import PipelineConfig
 from gaia_uwb.pipeline import reconstruct
 from gaia_uwb.reconstruction import Reconstruction
-from gaia_uwb.scene import RangeLog, Scene, Trajectory
+from gaia_uwb.scene import LocalFrame, RangeLog, Scene, Trajectory
 
-if TYPE_CHECKING:
-    from gaia_uwb.kept.zone import Zone
+
+@runtime_checkable
+class TakesDrives(Protocol):
+    """What a drive needs of the zone past which it goes."""
+
+    @property
+    def frame(self) -> LocalFrame | None:
+        """The local frame of its results."""
+
+    @property
+    def config(self) -> PipelineConfig:
+        """All of its settings."""
+
+    def add(self, scenes: Scene, *, ended_s: float | None = None) -> None:
+        """Fold a drive in."""
 
 
 @dataclass
@@ -43,7 +57,7 @@ class OpenDrive:
     2
     """
 
-    zone: Zone
+    zone: TakesDrives
     name: str
     vehicle: str = ""
     _ranges: list[tuple[float, str, float]] = field(default_factory=list, repr=False)
