@@ -110,6 +110,31 @@ def test_a_form_that_was_stated_is_told_as_such() -> None:
     assert "Form of the zone: one row of cones beside the path (more than 99 %" in details(boundary)
 
 
+def told_with(boundary: RoadBoundary, **stated: object) -> str:
+    """Return summary and details of a result with statements."""
+    config = make_config({"boundary": stated})
+    result = with_road(replace(make_road_result(boundary), config=config), boundary)
+    return "\n".join([summary_words(result), *zone_words(result, in_markdown)])
+
+
+def test_a_stated_form_that_the_places_refute_is_told_with_what_it_leaves_out() -> None:
+    share = {ZoneForm.ONE_ROW: 0.0, ZoneForm.LANE_BETWEEN: 1.0}
+    zone = make_zone(STRAIGHT, probability=share)
+    zone = replace(zone, cones=(*zone.cones, "left-1", "left-2"))
+    words = told_with(make_road(zone), form="one-row")
+    assert (
+        "one row of cones beside the path, as stated; by the places of the cones it is rather two "
+        "rows of cones, with the lane that was driven between them (more than 99 %)."
+    ) in words
+    assert "As a zone of this form, it has no place for left-1, left-2." in words
+
+
+def test_a_road_edge_that_is_not_behind_the_cones_is_told_not_asked_for() -> None:
+    words = told_with(make_road(make_zone(STRAIGHT)), road_edge=[[11.0, 48.0], [11.1, 48.0]])
+    assert "open strip: the road's edge that was given does not run behind the cones" in words
+    assert "to get an area" not in words
+
+
 def test_gaps_are_named_and_may_hold_a_cone_that_was_not_located() -> None:
     edge = make_edge(STRAIGHT, ids_of(8), unlocated=("lost_1", "lost-2"))
     words = details(make_road(make_zone(STRAIGHT, edge)))

@@ -302,4 +302,4 @@ def test_a_stated_form_is_taken() -> None:
     stated = BoundaryConfig(form="area")
     zone = only_zone([drive(BEND, 0.0, 500.0)], cones_m, config=stated)
     assert zone.form is ZoneForm.AREA
-    assert zone.form_probability[ZoneForm.AREA] == 1.0
+    assert zone.form_probability[ZoneForm.WORKS_BETWEEN] == 1.0, "by the places"

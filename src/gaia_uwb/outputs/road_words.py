@@ -34,6 +34,7 @@ _WIDTHS = {
     WidthSource.ROAD_EDGE: "up to the road's edge that was given",
 }
 _NO_WIDTH = "state --closed-width, --closed-lanes or --road-edge to get an area"
+_NOT_BEHIND = "the road's edge that was given does not run behind the cones along the zone"
 _CONVEX = 0.9  # of its convex hull, that an area covers at least
 _LEAST_SHARE = 0.01  # a less likely form is not worth a sentence
 
@@ -84,7 +85,10 @@ def summary_words(reconstruction: Reconstruction) -> str:
             BoundaryStatus.TOO_FEW_ANCHORS: "That is too few for a boundary.",
             BoundaryStatus.COLLINEAR: "They are on one line, so they enclose no area.",
         }[reconstruction.boundary.status]
-    told = [f"{edges_words(zone)} {_area_in_short(zone)}" for zone in road.zones]
+    stated = _width_is_stated(reconstruction)
+    told = [
+        f"{edges_words(zone)} {_area_in_short(zone, width_is_stated=stated)}" for zone in road.zones
+    ]
     if len(told) == 1:
         return told[0]
     numbered = (f"Zone {number}: {words}" for number, words in enumerate(told, start=1))
@@ -137,9 +141,10 @@ def zone_words(reconstruction: Reconstruction, name: Name) -> Iterator[str]:
     road = reconstruction.road_boundary
     zones = () if road is None else road.zones
     form_is_stated = reconstruction.config.boundary.form is not None
+    width = _width_is_stated(reconstruction)
     for number, zone in enumerate(zones, start=1):
         which = f"Zone {number}: " if len(zones) > 1 else ""
-        for words in _zone(zone, name, form_is_stated=form_is_stated):
+        for words in _zone(zone, name, form_is_stated=form_is_stated, width_is_stated=width):
             yield which + words
 
 
@@ -177,7 +182,9 @@ def square_metres(area_m2: float) -> str:
     return f"{area_m2:,.{1 if area_m2 < 100 else 0}f} m²"
 
 
-def _zone(zone: WorkZone, name: Name, *, form_is_stated: bool) -> Iterator[str]:
+def _zone(
+    zone: WorkZone, name: Name, *, form_is_stated: bool, width_is_stated: bool
+) -> Iterator[str]:
     if zone.form is ZoneForm.AREA:  # the summary tells its area
         yield edges_words(zone)
     if zone.lane is not None:
@@ -185,7 +192,11 @@ def _zone(zone: WorkZone, name: Name, *, form_is_stated: bool) -> Iterator[str]:
             f"The lane between the edges is {metres(zone.lane.least_m)} wide at its narrowest, at "
             f"{zone.lane.station_m:,.0f} m, and at least {metres(zone.lane.at_least_m)} (90 %)."
         )
-    yield f"Form of the zone: {zone.form.message}, as stated." if form_is_stated else _form(zone)
+    yield _form(zone, is_stated=form_is_stated)
+    on_edges = {cone for edge in zone.edges for cone in edge.cones}
+    beside = [cone for cone in zone.cones if cone not in on_edges]
+    if form_is_stated and zone.form in (ZoneForm.ONE_ROW, ZoneForm.LANE_BETWEEN) and beside:
+        yield f"As a zone of this form, it has no place for {some_of([*map(name, beside)])}."
     start, end = (
         f"{name(place.cone)}, at {place.station_m:,.0f} m (± {metres(place.within_m)}, 90 %)"
         for place in (zone.start, zone.end)
@@ -197,7 +208,9 @@ def _zone(zone: WorkZone, name: Name, *, form_is_stated: bool) -> Iterator[str]:
             yield which + _taper(taper, zone.speed_mps, name)
         for gap in edge.gaps:
             yield which + _gap(gap, name)
-    if zone.closed is None:
+    if zone.closed is None and width_is_stated:
+        yield f"No area is claimed: {_NOT_BEHIND}. The strip that is drawn there is one lane wide."
+    elif zone.closed is None:
         yield (
             "Nothing tells how far the zone reaches behind its edge, so no area is claimed. The "
             "strip that is drawn there is one lane wide."
@@ -215,10 +228,16 @@ def _zone(zone: WorkZone, name: Name, *, form_is_stated: bool) -> Iterator[str]:
         )
 
 
-def _area_in_short(zone: WorkZone) -> str:
+def _width_is_stated(reconstruction: Reconstruction) -> bool:
+    stated = reconstruction.config.boundary
+    return bool(stated.closed_width_m or stated.closed_lanes or stated.road_edge)
+
+
+def _area_in_short(zone: WorkZone, *, width_is_stated: bool) -> str:
     if zone.closed is None:
         them = "it" if len(zone.edges) == 1 else "them"
-        return f"Behind {them} is an open strip: {_NO_WIDTH}."
+        why = _NOT_BEHIND if width_is_stated else _NO_WIDTH
+        return f"Behind {them} is an open strip: {why}."
     return f"{square_metres(zone.closed.region.area_m2)} are closed to traffic."
 
 
@@ -233,8 +252,13 @@ def _outside_tapers(edge: Edge) -> slice:
     return slice(first, max(first, last) + 1)
 
 
-def _form(zone: WorkZone) -> str:
+def _form(zone: WorkZone, *, is_stated: bool) -> str:
     shares = sorted(zone.form_probability.items(), key=lambda each: -each[1])
+    likeliest, share = shares[0]
+    if is_stated:
+        doubt = f"; by the places of the cones it is rather {likeliest.message} ({percent(share)})"
+        refuted = zone.form_probability[zone.form] < 0.5 and likeliest is not zone.form
+        return f"Form of the zone: {zone.form.message}, as stated{doubt if refuted else ''}."
     others = [f"{form.message} ({percent(share)})" for form, share in shares
               if form is not zone.form and share >= _LEAST_SHARE]  # fmt: skip
     doubt = f"; or {' or '.join(others)}" if others else ""

@@ -142,12 +142,10 @@ def _zone(
 
 def _form(cones: ZoneCones, config: BoundaryConfig) -> tuple[ZoneForm, dict[ZoneForm, float]]:
     """Return the form by the estimated places, or as stated, and the probability of each."""
-    if config.form is not None:
-        stated = ZoneForm(config.form)
-        return stated, {form: float(form is stated) for form in ZoneForm}
     is_facing = facing(cones.station_m, np.abs(cones.offset_m))
     if_two_rows = two_rows_form(cones.station_m, np.abs(cones.offset_m), is_facing)
     here = forms(cones.station_m[None], cones.offset_m[None], if_two_rows)[0]
+    here = here if config.form is None else ZoneForm(config.form)
     found = forms(cones.scene_station_m, cones.scene_offset_m, if_two_rows)
     return here, {form: found.count(form) / len(found) for form in ZoneForm}
 

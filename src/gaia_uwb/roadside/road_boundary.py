@@ -318,7 +318,7 @@ class WorkZone:
     form
         The form by the estimated places, or the one that was stated.
     form_probability
-        Probability of every form; 1 for a form that was stated.
+        Probability of every form by the possible places, whatever was stated.
     cones
         Ids of its cones, upstream to downstream.
     start, end
