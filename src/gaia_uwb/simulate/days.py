@@ -6,7 +6,7 @@ the positions of one may be off by metres, as with a wrong base station.
 
 >>> from gaia_uwb.simulate import PRESETS, simulate_day
 >>> day = simulate_day(PRESETS["lane-closure"], seed=1, n_drives=20)
->>> len(day.scenes), [change.kind for change in day.changes]
+>>> len(day.scenes), sorted(change.kind for change in day.changes)
 (20, ['added', 'moved', 'removed'])
 """
 
