@@ -21,7 +21,7 @@ from gaia_uwb.estimate import (
     ReasonKind,
 )
 from gaia_uwb.locate import Hypotheses
-from gaia_uwb.roadside import Drive, RoadBoundary, ZoneForm, find_zones
+from gaia_uwb.roadside import Drive, RoadBoundary, find_zones
 from gaia_uwb.zone import (
     BoundaryUncertainty,
     Combinations,
@@ -176,7 +176,7 @@ class Reconstruction:
 
         located = [anchor for anchor in self.anchors if anchor.status.has_position]
         zones = () if self.road_boundary is None else self.road_boundary.zones
-        is_hull = all(zone.form is ZoneForm.AREA for zone in zones)
+        is_hull = self.road_boundary is None or self.road_boundary.hull_is_zone
         area_m = self.boundary.hull_m if is_hull else None
         rows_seen = "; ".join(f"{zone.form.message}, {zone.length_m:.0f} m long" for zone in zones)
         seen = f"boundary {self.boundary_words}" if is_hull else rows_seen

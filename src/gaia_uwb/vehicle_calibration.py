@@ -29,6 +29,10 @@ from gaia_uwb.alignment import align
 from gaia_uwb.config import Known, PipelineConfig, TagPrior, VehiclePrior
 from gaia_uwb.episode import ClockOffset, Episode
 from gaia_uwb.locate import (
+    DRIVE,
+    PATTERN_M,
+    RADIOS,
+    TAG_BIAS_M,
     Said,
     ZonePlaces,
     find_places,
@@ -45,8 +49,6 @@ DELAY, AHEAD, LEFT = "delay_m", "forward_m", "left_m"
 
 _LEVER_M = 0.02  # of a lever arm that is given: measured with a tape
 _UNKNOWN_LEVER_M = 2.0  # of one that is not
-_PATTERN_M = 0.05  # of what of a tag's pattern looks like a shift
-_TAG_BIAS_M = 0.1  # of a tag's delay
 _HELD_M2 = 1e-9  # variance of a bias that is held, since there is one tag only
 _RESTS_M, _MOST_FITS = 0.005, 6  # of a lever arm that moves with what is found
 _DETERMINED = 0.5  # of what was known before: a standard error above that says little
@@ -256,7 +258,7 @@ def usual_values(
         ``alignment`` and ``calibration`` count.
     """
     sigmas = {CLOCK: config.alignment.clock_offset_sigma_s, BIAS: config.calibration.bias_sigma_m}
-    return {name: Known(value=0.0, sigma=sigmas.get(name, _TAG_BIAS_M)) for name in names}
+    return {name: Known(value=0.0, sigma=sigmas.get(name, TAG_BIAS_M)) for name in names}
 
 
 def tag_of_value(name: str) -> tuple[str, str]:
@@ -299,7 +301,7 @@ def _biases(episodes: Sequence[Episode], config: PipelineConfig) -> dict[str, tu
         if errors is None or config.calibration.range_bias == "off":
             return {}
         prior_m2 = config.calibration.bias_sigma_m**2
-        prior_m2 += _TAG_BIAS_M**2 if errors.covariance[3, 3] > _HELD_M2 else 0.0
+        prior_m2 += TAG_BIAS_M**2 if errors.covariance[3, 3] > _HELD_M2 else 0.0
         mean, variance = errors.mean[both].sum(), errors.covariance[np.ix_(both, both)].sum()
         said = said_of(float(mean), float(variance), 0.0, prior_m2)
         if not np.isfinite(said.sigma):
@@ -320,8 +322,8 @@ def _biases_together(
     usual, precision = shared_prior(episodes, config)
     pick = np.zeros((len(episodes), len(usual)))
     pick[:, 0] = 1.0
-    n_own = (len(usual) - 2) // len(episodes)
-    pick[np.arange(len(episodes)), 3 + n_own * np.arange(len(episodes))] = 1.0
+    tag = np.arange(len(episodes))
+    pick[tag, RADIOS + 1 + DRIVE * tag] = 1.0  # of each drive's own, after the clock
     mean_m = np.array([errors.mean[[0, 3]].sum() for errors in places.errors])
     after = np.linalg.inv(pick @ places.shared_covariance @ pick.T)
     before = np.linalg.inv(pick @ np.linalg.inv(precision) @ pick.T)
@@ -382,7 +384,7 @@ def _lever_arm(episode: Episode, sigmas: Mapping[str, float]) -> dict[str, Known
         return values
     heading_m = np.abs(heading_sigma_m(episode))
     for part, (what, given_m) in enumerate(((AHEAD, tag.forward_m), (LEFT, tag.left_m))):
-        prior_m2 = sigmas[tag.tag_id] ** 2 + _PATTERN_M**2 + heading_m[part] ** 2
+        prior_m2 = sigmas[tag.tag_id] ** 2 + PATTERN_M**2 + heading_m[part] ** 2
         found = float(errors.mean[4 + part]), float(errors.covariance[4 + part, 4 + part])
         said = said_of(*found, 0.0, float(prior_m2))
         # What a cone is nearer in a direction, the antenna is further that way.
@@ -410,7 +412,7 @@ def _before(
     before = usual_values(names, config)
     if any(AHEAD in name for drive in drives for name in drive):
         for tag_id, tag in tags.items():
-            sigma_m = float(np.hypot(sigmas[tag_id], _PATTERN_M))
+            sigma_m = float(np.hypot(sigmas[tag_id], PATTERN_M))
             for what, given_m in ((AHEAD, tag.forward_m), (LEFT, tag.left_m)):
                 before[_of_tag(tag_id, what)] = Known(value=given_m, sigma=sigma_m)
     return before

@@ -17,14 +17,12 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Float64, Int64
 from gaia_uwb.episode import DriveErrors, Episode, ErrorSizes, RangeReadings
-from gaia_uwb.locate import smooth_path
+from gaia_uwb.locate import PATTERN_M, SCALES_M, TAG_BIAS_M, smooth_path
 from gaia_uwb.scene import Tag, Trajectory
 
-_SCALES_M = (1.0, 4.0, 16.0, 64.0)  # of the slow errors, as the estimator has them
 _MOST_CELLS = 800  # of the path, between which slow errors are interpolated
 _NOISE_STEP_S, _MOST_STEPS = 0.02, 20_000
 _STEADY_S = 2.0  # before and after: noise that is left would be motion that tells the clock
-_TAG_BIAS_M, _PATTERN_M = 0.1, 0.05  # of a tag that is not there yet
 
 
 @dataclass(frozen=True)
@@ -175,7 +173,7 @@ def _radio_m(
     """Return what ranges err by that all cones have in common; ``ahead`` is from the course."""
     bias_m, growth_m, _, tag_m, *pattern_m = errors.mean.tolist()
     if is_new:
-        tag_m, *pattern_m = rng.normal(size=5) * [_TAG_BIAS_M, *[_PATTERN_M] * 4]
+        tag_m, *pattern_m = rng.normal(size=5) * [TAG_BIAS_M, *[PATTERN_M] * 4]
     waves = [np.cos(ahead), np.sin(ahead), np.cos(2 * ahead), np.sin(2 * ahead)]
     decades = np.log10(np.maximum(true_m, 0.5) / 10.0)
     return np.asarray(bias_m + tag_m + growth_m * decades + np.array(pattern_m) @ waves)
@@ -212,7 +210,7 @@ def _slow_m(
     middle_m = np.arange(at_m.min(initial=0.0), at_m.max(initial=0.0) + 2.0 * cell_m, cell_m)
     apart_m = np.abs(middle_m[:, None] - middle_m)
     kernel = 1e-9 * np.eye(len(middle_m))
-    for size_m, scale_m in zip(sizes.field_m.tolist(), _SCALES_M, strict=True):
+    for size_m, scale_m in zip(sizes.field_m.tolist(), SCALES_M, strict=True):
         kernel += size_m**2 * np.exp(-apart_m / scale_m)
     field_m = np.linalg.cholesky(kernel) @ rng.normal(size=(len(middle_m), n_cones))
     cell = (at_m - middle_m[0]) / cell_m

@@ -1,4 +1,6 @@
 from .common_prior import (
+    PATTERN_M as PATTERN_M,
+    TAG_BIAS_M as TAG_BIAS_M,
     heading_sigma_m as heading_sigma_m,
     known_clock as known_clock,
     shared_prior as shared_prior,
@@ -50,7 +52,12 @@ from .passes import (
     with_anchors as with_anchors,
 )
 from .path_noise import smooth_path as smooth_path
-from .slow_errors import DRIVE as DRIVE, OWN as OWN, RADIOS as RADIOS
+from .slow_errors import (
+    DRIVE as DRIVE,
+    OWN as OWN,
+    RADIOS as RADIOS,
+    SCALES_M as SCALES_M,
+)
 from .zone_fit import ALIKE as ALIKE
 from .zone_places import (
     CLOCK_KNOWN as CLOCK_KNOWN,

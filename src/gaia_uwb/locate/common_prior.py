@@ -24,9 +24,11 @@ from gaia_uwb.episode import DriveErrors, Episode
 from gaia_uwb.locate.slow_errors import DRIVE, RADIOS
 from gaia_uwb.scene import Scene
 
-_TAG_BIAS_M = 0.1  # standard deviation of what a tag adds to the range bias of the radios
+TAG_BIAS_M = 0.1
+"""Standard deviation of what a tag adds to the range bias of the radios."""
+PATTERN_M = 0.05
+"""Standard deviation of each harmonic of a tag's pattern."""
 _DRIVE_BIAS_M = 0.02  # and by how much that differs from drive to drive
-_PATTERN_M = 0.05  # of each harmonic of a tag's pattern
 _SAME = 0.5  # share of a pattern's variance that is the same in all drives of a vehicle
 _LEVER_M = 0.02  # of a lever arm: measured with a tape
 _HEADING_RAD, _COURSE_RAD = np.radians(1.0), np.radians(2.0)  # of a measured heading, of a course
@@ -68,7 +70,7 @@ def shared_prior(
         variance[np.ix_(clock, clock)] = _clocks_s2(episodes, config)
     alike = _SAME * _pairs(episodes, _same_mounting) + (1.0 - _SAME) * np.eye(k)
     for i in range(2, DRIVE):
-        variance[np.ix_(clock + i, clock + i)] = _PATTERN_M**2 * alike
+        variance[np.ix_(clock + i, clock + i)] = PATTERN_M**2 * alike
     first = (clock[:, None] + np.array([2, 3])).ravel()  # harmonics: an antenna's place
     variance[np.ix_(first, first)] += _places_m2(episodes, config)
     variance[np.diag_indices(size)] += _HELD**2
@@ -166,7 +168,7 @@ def _biases(
     mean = of_source @ [each.value for each in known]
     variance = (of_source * [each.sigma**2 for each in known]) @ of_source.T
     same_tag = _pairs(episodes, _same_tag)
-    usual_m2 = _TAG_BIAS_M**2 if k > 1 else 0.0
+    usual_m2 = TAG_BIAS_M**2 if k > 1 else 0.0
     again_m2 = _DRIVE_BIAS_M**2 if same_tag.sum() > k else 0.0
     for n, episode in enumerate(episodes):
         delay = known_tag(episode, config)[1].delay_m

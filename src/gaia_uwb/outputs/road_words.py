@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-import numpy as np
-
 from gaia_uwb._shared import metres, percent, some_of
 from gaia_uwb.estimate import BoundaryStatus
 from gaia_uwb.reconstruction import Reconstruction, ReconstructionStatus
@@ -23,7 +21,7 @@ from gaia_uwb.roadside import (
     WorkZone,
     ZoneForm,
 )
-from gaia_uwb.zone import PROBABILITY, convex_hull, polygon_area
+from gaia_uwb.zone import PROBABILITY
 
 Name = Callable[[str], str]
 
@@ -35,29 +33,18 @@ _WIDTHS = {
 }
 _NO_WIDTH = "state --closed-width, --closed-lanes or --road-edge to get an area"
 _NOT_BEHIND = "the road's edge that was given does not run behind the cones along the zone"
-_CONVEX = 0.9  # of its convex hull, that an area covers at least
 _LEAST_SHARE = 0.01  # a less likely form is not worth a sentence
 
 
 def hull_leads(boundary: RoadBoundary | None) -> bool:
-    """Return whether the convex hull is the zone: its cones stand around a convex area.
-
-    Around a closed lane in a bend, the hull covers the lane that is open, too.
+    """Return whether the convex hull is the zone, or there is nothing else.
 
     Parameters
     ----------
     boundary
-        The zones along the road; None where they are unknown, so that there is only the hull.
+        The zones along the road; None where they are unknown.
     """
-    zones = () if boundary is None else boundary.zones
-    return all(zone.form is ZoneForm.AREA and _is_convex(zone.closed) for zone in zones)
-
-
-def _is_convex(closed: ClosedArea | None) -> bool:
-    if closed is None:
-        return True
-    corners_m = np.concatenate([rings[0] for rings in closed.region.polygons])
-    return closed.region.area_m2 > _CONVEX * polygon_area(convex_hull(corners_m))
+    return boundary is None or boundary.hull_is_zone
 
 
 def summary_words(reconstruction: Reconstruction) -> str:

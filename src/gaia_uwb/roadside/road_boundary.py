@@ -24,7 +24,9 @@ import numpy as np
 
 from gaia_uwb._shared import Array, Bool, Float64
 from gaia_uwb.roadside.road_line import DrivenPath, RoadLine
-from gaia_uwb.zone import Region
+from gaia_uwb.zone import Region, convex_hull, polygon_area
+
+_CONVEX = 0.9  # of its convex hull, that an area covers at least
 
 
 class ZoneForm(StrEnum):
@@ -376,3 +378,18 @@ class RoadBoundary:
     paths: tuple[DrivenPath, ...]
     zones: tuple[WorkZone, ...]
     unlocated: tuple[str, ...]
+
+    @property
+    def hull_is_zone(self) -> bool:
+        """Whether the convex hull is the zone: its cones stand around a convex area.
+
+        Around a closed lane in a bend, the hull covers the lane that is open, too.
+        """
+        return all(zone.form is ZoneForm.AREA and _is_convex(zone.closed) for zone in self.zones)
+
+
+def _is_convex(closed: ClosedArea | None) -> bool:
+    if closed is None:
+        return True
+    corners_m = np.concatenate([rings[0] for rings in closed.region.polygons])
+    return closed.region.area_m2 > _CONVEX * polygon_area(convex_hull(corners_m))
